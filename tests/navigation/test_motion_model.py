@@ -5,7 +5,14 @@ import pytest
 from motion_windows import ARM, NOISE, OBLIQUE, a_window, dense, partly_read, small_window, uneven_window
 from scipy.stats import multivariate_normal
 
-from edl_filter.navigation.motion_model import MEDIANS, WIDTHS, covariances, linearise_window, log_posterior
+from edl_filter.navigation.motion_model import (
+    MEDIANS,
+    WIDTHS,
+    covariances,
+    linearise_window,
+    log_posterior,
+    propagated_states,
+)
 from edl_filter.navigation.rotational_dynamics import (
     DISTURBANCES,
     ERROR_SIZE,
@@ -103,6 +110,17 @@ def test_a_motion_in_bins_of_different_lengths_is_explained_to_second_order(with
         for part, left in zip(parts, remaining[-1], strict=True):
             assert left < 0.1 * np.linalg.norm(np.array(unexplained)[:, part])
     assert np.all(np.array(remaining[1]) < 0.35 * np.array(remaining[0]))
+
+
+def test_states_of_the_stretch_are_propagated_from_its_first_bin():
+    """Of the true motion without disturbances, from a truth that has none."""
+    window, _ = a_window(12, 4, 9)
+    states = propagated_states(window, window.states)
+    np.testing.assert_array_equal(states[:5], window.states[:5])
+    np.testing.assert_array_equal(states[9:], window.states[9:])
+    exact = a_window(12, 11, 12)[0].states  # true states of all bins but the last
+    moved = np.concatenate((exact[:5], window.states[5:]))
+    np.testing.assert_allclose(propagated_states(window, moved)[4:9], exact[4:9], atol=1e-12)
 
 
 def test_the_first_error_leads_to_the_approximate_motion(uneven):

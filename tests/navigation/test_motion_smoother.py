@@ -9,7 +9,7 @@ from motion_windows import INTERVAL, NOISE, a_window, dense, flown, partly_read,
 from scipy.stats import chi2
 
 from edl_filter.navigation import motion_smoother
-from edl_filter.navigation.motion_model import MEDIANS, WIDTHS, covariances, linearise_window
+from edl_filter.navigation.motion_model import MEDIANS, WIDTHS, covariances, linearise_window, propagated_states
 from edl_filter.navigation.motion_smoother import (
     Solution,
     estimate_sizes,
@@ -110,24 +110,28 @@ def test_sizes_are_those_of_the_largest_posterior_density_within_their_range(sma
     np.testing.assert_allclose((sizes - MEDIANS) / WIDTHS, expected, atol=0.06)
 
 
-def test_the_better_of_two_searches_counts(small, monkeypatch):
+def test_the_best_of_three_searches_counts(small, monkeypatch):
     window, motion, _ = small
-    starts, densities = [], [None, None]
+    places = []
+    starts, densities = [], [None] * 3
 
     def search(_, states, log_sizes):
         starts.append(log_sizes)
+        places.append(states)
         density = densities[len(starts) - 1]
         return None if density is None else Solution(motion, log_sizes, density)
 
     monkeypatch.setattr(motion_smoother, "_search", search)
     for densities[:], best in (
-        ([-3.0, -2.0], 1),
-        ([-2.0, -3.0], 0),
-        ([None, -3.0], 1),
-        ([-2.0, None], 0),
-        ([None] * 2, None),
+        ([-3.0, -2.0, -4.0], 1),
+        ([-2.0, -3.0, None], 0),
+        ([None, -3.0, -2.5], 2),
+        ([None, None, -3.0], 2),
+        ([-2.0, None, None], 0),
+        ([None] * 3, None),
     ):
         starts.clear()
+        places.clear()
         solution = most_probable_motion(window)
         assert solution is None if best is None else solution.log_sizes is starts[best]
     # usual sizes, and small ones that are equally improbable
@@ -135,6 +139,26 @@ def test_the_better_of_two_searches_counts(small, monkeypatch):
     widths = (starts[1] - MEDIANS) / WIDTHS
     np.testing.assert_allclose(widths, widths[0])
     assert widths[0] < -1.0
+    # and usual ones about a motion that obeys Euler's equations in the stretch
+    np.testing.assert_array_equal(starts[2], MEDIANS)
+    assert places[0] is places[1] is window.states
+    np.testing.assert_array_equal(places[2], propagated_states(window, window.states))
+
+
+def test_with_readings_within_the_stretch_a_search_starts_from_the_motion_without_them(part_read, monkeypatch):
+    """Propagated through the stretch; the motion without them is the best of its own three searches."""
+    window, motion, _ = part_read
+    shifted = add_errors(window.states, np.full((8, ERROR_SIZE), 1e-3))
+    calls = []
+
+    def search(w, states, log_sizes):
+        calls.append((w.observed[w.first : w.last].any(), states))
+        return Solution(replace(motion, states=shifted), log_sizes, -1.0)
+
+    monkeypatch.setattr(motion_smoother, "_search", search)
+    most_probable_motion(window)
+    assert [within for within, _ in calls] == [False] * 3 + [True] * 4
+    np.testing.assert_array_equal(calls[-1][1], propagated_states(window, shifted))
 
 
 def test_a_search_continues_from_an_earlier_solution(small, monkeypatch):

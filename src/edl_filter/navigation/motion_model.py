@@ -206,6 +206,30 @@ def linearise_window(window: Window, states: Array) -> LinearisedMotion:
     )
 
 
+def propagated_states(window: Window, states: Array) -> Array:
+    """States of a window, those of the stretch propagated from its first bin with constant disturbances.
+
+    Parameters
+    ----------
+    window : Window
+        Readings around the stretch.
+    states : (T, 20) array
+        Of its motion; those of the stretch after its first bin are not used.
+
+    Returns
+    -------
+    (T, 20) array
+        A motion that obeys Euler's equations in the stretch, as an approximate one need not.
+    """
+    states, loads, nodes = states.copy(), window.loads, 2 * window.steps
+    at_nodes = ("air", "pressure_area", "coefficients", "cmq", "rate_scale")
+    for t in range(window.first, window.last - 1):
+        part = slice(nodes * t, nodes * (t + 1) + 1)
+        bin_loads = loads._replace(**{name: getattr(loads, name)[part] for name in at_nodes})
+        states[t + 1] = linearise(states[t : t + 1], bin_loads, window.interval[t : t + 1], window.steps)[0][0]
+    return states
+
+
 def _with_arm(window: Window, states: Array, ends: Array, transition: Array, readings: Array, design: Array) -> None:
     """Move forces (T, 6) and their design to the place where they are read, in place: lever arm of the mean rates.
 

@@ -6,7 +6,7 @@ has forces and moments of the size that the readings around it have. Method:
 
 - most probable motion by the iterated extended Kalman smoother, which is the Gauss-Newton method (Bell, SIAM J. Optim.
   4 (1994) 626);
-- sizes of the disturbances by the largest marginal likelihood of the readings on both sides, with log-normal priors;
+- sizes of the disturbances by the largest marginal likelihood of these readings, with log-normal priors;
 - scale of the covariance by cross-validation: stretches of the same length on both sides are predicted without their
   own readings;
 - where the readings within the stretch do not fit the motion, their mean square residual is a further scale;
@@ -18,7 +18,7 @@ Output: the readings of the stretch with their covariance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
@@ -35,6 +35,7 @@ from edl_filter.navigation.motion_model import (
     covariances,
     linearise_window,
     log_posterior,
+    propagated_states,
 )
 from edl_filter.navigation.rotational_dynamics import ERROR_SIZE, add_errors
 from edl_filter.types import Array, BoolArray
@@ -45,9 +46,9 @@ _BELOW, _ABOVE = 1.5, 3.0
 #: hyperparameters are those of the search before.
 _SEARCH_ITERATIONS, _SEARCH_STEP, _MOST_SEARCHES, _SAME_SIZES = 12, 0.05, 6, 0.3
 #: Most Gauss-Newton steps between two searches, the one from which steps that do not become smaller are halved, the
-#: least part of a step, and the change of a prediction, in its sigmas, below which it has converged. A change of what
-#: is read counts by `_READ_SHARE`: coefficients are linear between the nodes of a table, and whole steps can alternate
-#: about a node.
+#: least part of a step, and the change of a prediction, in its sigmas, below which it has converged. The change of a
+#: reading that is observed is weighted by `_READ_SHARE`: coefficients are linear between the nodes of a table, and
+#: whole steps can alternate about a node.
 _MOST_STEPS, _HALVED_FROM, _LEAST_FACTOR, _CONVERGED, _READ_SHARE = 14, 5, 0.25, 0.1, 0.2
 #: Weight of the model's own covariance against the cross-validation, in stretches, as in the autoregression.
 _PRIOR_STRETCHES = 2.0
@@ -157,7 +158,8 @@ def most_probable_motion(window: Window, before: Solution | None = None) -> Solu
     """Most probable motion of a window with the most probable hyperparameters.
 
     The posterior has several maxima. The search starts from disturbances of usual size and from very small ones, and
-    the better result counts.
+    from motions that obey Euler's equations in the stretch: from the approximate motion at its begin and, where
+    readings are within the stretch, from the motion that is most probable without them. The best result counts.
 
     Parameters
     ----------
@@ -173,8 +175,18 @@ def most_probable_motion(window: Window, before: Solution | None = None) -> Solu
     """
     if before is not None:
         return _search(window, before.motion.states, before.log_sizes)
-    starts = (MEDIANS, MEDIANS - _BELOW * WIDTHS)
-    solutions = [s for log_sizes in starts if (s := _search(window, window.states, log_sizes)) is not None]
+    starts = [
+        (window.states, MEDIANS),
+        (window.states, MEDIANS - _BELOW * WIDTHS),
+        (propagated_states(window, window.states), MEDIANS),
+    ]
+    if window.observed[window.first : window.last].any():
+        outside = window.observed.copy()
+        outside[window.first : window.last] = False
+        alone = most_probable_motion(replace(window, observed=outside))
+        if alone is not None:
+            starts.append((propagated_states(window, alone.motion.states), MEDIANS))
+    solutions = [s for start in starts if (s := _search(window, *start)) is not None]
     return max(solutions, key=lambda s: s.log_posterior, default=None)
 
 

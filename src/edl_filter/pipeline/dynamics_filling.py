@@ -25,7 +25,7 @@ from edl_filter.navigation.rotational_dynamics import SIZE, PathLoads
 from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.trajectory import Trajectory, smoothed_trajectory
 from edl_filter.pipeline.redundancy import Run
-from edl_filter.telemetry.partial_readings import bound_of_axis, lost_axis
+from edl_filter.telemetry.partial_readings import lost_axis, variance_factors
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
@@ -78,7 +78,7 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
     result, base = first, first.telemetry
     end = parachute - PARACHUTE_MARGIN
     stretches = {s for f in base.findings if _has_autoregression(f, base) for s in f.interpolated}
-    long = [(a, b) for a, b in stretches if b - a > SHORTEST - SAME_TIME and b < end]
+    long = [(a, b) for a, b in _merged(stretches) if b - a > SHORTEST - SAME_TIME and b < end]
     chosen = sorted(long, key=lambda s: (s[0] - s[1], s[0]))[:MOST_STRETCHES]
     solutions: dict[tuple[float, float], Solution] = {}
     for _ in range(PASSES if chosen else 0):
@@ -96,7 +96,7 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
             return result
         findings = tuple(
             replace(f, repair=f.repair.replace(BY_AUTOREGRESSION, BY_DYNAMICS))
-            if _has_autoregression(f, base) and predicted.intersection(f.interpolated)
+            if _has_autoregression(f, base) and any(a <= s and e <= b for s, e in f.interpolated for a, b in predicted)
             else f
             for f in base.findings
         )
@@ -104,6 +104,17 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
         if _largest_change(previous, record) < _SAME_FILL:
             break
     return result
+
+
+def _merged(stretches: set[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Stretches (begin and end, s) without overlap: those of two triads that overlap are one."""
+    merged: list[tuple[float, float]] = []
+    for start, end in sorted(stretches):
+        if merged and start < merged[-1][1] - SAME_TIME:
+            merged[-1] = merged[-1][0], max(end, merged[-1][1])
+        else:
+            merged.append((start, end))
+    return merged
 
 
 def _has_autoregression(finding: SampleFinding, telemetry: Telemetry) -> bool:
@@ -207,10 +218,17 @@ def _lost_components(base: ImuRecord, rows: IntArray, stretch: slice) -> tuple[A
         if not filled[stretch].any() or (axis := lost_axis(partial[stretch][filled[stretch]])) is None:
             continue
         axes[columns, columns] = _basis(axis)
-        across = values - np.outer(values @ axis, axis)
-        kept = np.linalg.norm(across - partial[:, 0], axis=1) <= _SAME_READING * np.linalg.norm(values, axis=1)
-        lost[:, 3 * k + 1 : 3 * k + 3] &= ~(kept & np.all(partial[:, 1] == axis, axis=1))[:, None]
+        kept = _contains_readings(values, partial) & np.all(partial[:, 1] == axis, axis=1)
+        lost[:, 3 * k + 1 : 3 * k + 3] &= ~kept[:, None]
     return axes, lost
+
+
+def _contains_readings(values: Array, partial: Array) -> BoolArray:
+    """Samples (n,) of a triad of which one axis is lost alone, and whose values contain what the others read."""
+    axis = partial[:, 1]
+    across = values - np.sum(values * axis, axis=1, keepdims=True) * axis
+    same = np.linalg.norm(across - partial[:, 0], axis=1) <= _SAME_READING * np.linalg.norm(values, axis=1)
+    return np.asarray(same & np.any(axis != 0.0, axis=1))
 
 
 def _basis(axis: Array) -> Array:
@@ -292,7 +310,7 @@ def _with_fills(
     window : Window
         Readings around the stretch.
     fills : list of six Interpolation
-        Rates and specific force at the centre of mass.
+        Rates and specific force along the window's axes; forces where the window has them.
     """
     edges, part = window.time[window.first : window.last + 1], slice(window.first, window.last)
     a, b = (int(k) for k in np.searchsorted(base.time, edges[[0, -1]] + np.array([SAME_TIME, -SAME_TIME])))
@@ -305,11 +323,11 @@ def _with_fills(
     rate = current.angular_rate.copy()
     rate[rows] += rate_change
     arms = [lever_arm_acceleration(base.interval, w, base.position, base.unit) for w in (rate, current.angular_rate)]
-    read = ~np.any(base.rate_fill_sigma[rows] > 0.0, axis=1, keepdims=True)  # elsewhere the window has the IMU's place
+    rates_read = ~np.any(base.rate_fill_sigma[rows] > 0.0, axis=1, keepdims=True)
     force = current.specific_force.copy()
-    force[rows] += force_change + np.where(read, (arms[0] - arms[1])[rows], 0.0)
-    interval, count = float(np.median(base.interval[rows])), b + 1 - a
-    length, bins = float(np.median(np.diff(edges))), len(observed)
+    # where rates are lost, the window has the force at the place of the IMU
+    force[rows] += force_change + np.where(rates_read, (arms[0] - arms[1])[rows], 0.0)
+    interval, lengths = float(np.median(base.interval[rows])), np.diff(edges)
     changed, tilt = {}, np.zeros(3)
     for values, names, column, partial in (
         (rate, ("angular_rate", "rate_fill_sigma"), 0, base.partial_rate),
@@ -319,30 +337,40 @@ def _with_fills(
         triad_axes = window.axes[columns, columns]
         one_axis = not np.array_equal(triad_axes, np.eye(3))
         triad = _one_axis(fills[columns], triad_axes) if one_axis else fills[columns]
-        lost = getattr(base, names[1])[rows] > 0.0
-        sigma = fill_sigma(triad, window.noise[part, column], length, coning=column == 0)
-        if column == 0 and lost.any() and observed[:, 3:].any():
-            inside = window.readings[part, 3:] @ window.axes[3:, 3:]
-            tilt = tilt_variance(triad, sigma, inside, np.zeros((bins, 3)), length)
-        # independent errors of bins become those of samples with the same variance of the sum
-        sigma = np.sqrt(np.mean(sigma**2, axis=0) * bins / count) * (edges[-1] - edges[0]) / (bins * interval)
+        lost = np.any(getattr(base, names[1])[rows] > 0.0, axis=1)
+        bins = ~observed[:, columns].all(axis=1)
+        if column == 0 and bins.any() and observed[:, 3:].any():
+            sigma = fill_sigma(triad, window.noise[part, column], float(np.median(lengths)), coning=True)
+            read_force = window.readings[part, 3:] @ window.axes[3:, 3:]
+            tilt = tilt_variance(triad, sigma, read_force, np.zeros_like(read_force), float(np.median(lengths)))
         if one_axis:
             before = getattr(current, names[0])[rows]
             values[rows] = before + np.outer((values[rows] - before) @ triad_axes[0], triad_axes[0])
-        else:  # samples of which one axis alone is lost in a part of the stretch stay as they are
-            lost = lost & ~np.any(partial[rows, 1] != 0.0, axis=1, keepdims=True)
-        for name, new in zip(names, (values[rows], np.broadcast_to(sigma, lost.shape)), strict=True):
+        else:  # samples that contain what their other axes read stay as they are
+            lost = lost & ~_contains_readings(getattr(base, names[0])[rows], partial[rows])
+        sigma = np.zeros(3)
+        if bins.any() and lost.any():
+            restricted = [replace(f, values=f.values[bins], covariance=f.covariance[np.ix_(bins, bins)]) for f in triad]
+            length = float(np.median(lengths[bins]))
+            sigma = fill_sigma(restricted, window.noise[part, column][bins], length, coning=column == 0)
+            # independent errors of bins become those of samples with the same variance of the sum
+            ratio = np.count_nonzero(bins) / np.count_nonzero(lost)
+            share = float(np.sum(lengths[bins])) / (np.count_nonzero(bins) * interval)
+            sigma = np.sqrt(np.mean(sigma**2, axis=0) * ratio) * share
+        for name, new in zip(names, (values[rows], np.broadcast_to(sigma, (len(lost), 3))), strict=True):
             array = getattr(record, name).copy()
-            array[rows] = np.where(lost, new, array[rows])
+            array[rows] = np.where(lost[:, None], new, array[rows])
             changed[name] = array
-    changed["force_fill_sigma"][rows] = np.sqrt(changed["force_fill_sigma"][rows] ** 2 + tilt / count / interval**2)
+    changed["force_fill_sigma"][rows] = np.sqrt(
+        changed["force_fill_sigma"][rows] ** 2 + tilt / (b + 1 - a) / interval**2
+    )
     return replace(record, **changed)
 
 
 def _one_axis(fills: list[Interpolation], axes: Array) -> list[Interpolation]:
     """Fills of a triad along its axes, rows (3, 3), of which the first alone is lost, as fills along the body axes.
 
-    Independent errors along the body axes are not smaller than the error along the lost axis (`bound_of_axis`).
+    Independent errors along the body axes are not smaller than the error along the lost axis (`variance_factors`).
     """
-    values, bound = np.stack([f.values for f in fills], axis=1) @ axes, bound_of_axis(axes[0])
+    values, bound = np.stack([f.values for f in fills], axis=1) @ axes, variance_factors(axes[0])
     return [replace(fills[0], values=values[:, i], covariance=bound[i] * fills[0].covariance) for i in range(3)]

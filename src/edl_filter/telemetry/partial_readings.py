@@ -78,7 +78,7 @@ def given_readings(fills: Sequence[Interpolation], readings: Array, axis: Array)
     residual = difference - np.outer(axis, along)
     mean_square = float(np.einsum("ij,ijk,ik->", residual, information, residual)) / (2 * count)
     covariance = covariance * max(mean_square, 1.0)
-    bound = bound_of_axis(axis)
+    bound = variance_factors(axis)
     return [
         replace(fill, values=read[:, i] + axis[i] * along, covariance=bound[i] * covariance)
         for i, fill in enumerate(fills)
@@ -125,10 +125,10 @@ def keep_read_axes(values: Array, sigma: Array, partial: Array, rows: slice, lim
     one_axis = (np.any(axis != 0.0, axis=1) & agree)[:, None]
     variance = np.sum(axis**2 * sigma[rows] ** 2, axis=1, keepdims=True)
     values[rows] = np.where(one_axis, partial[rows, 0] + along * axis, values[rows])
-    sigma[rows] = np.where(one_axis, np.sqrt(bound_of_axis(axis) * variance), sigma[rows])
+    sigma[rows] = np.where(one_axis, np.sqrt(variance_factors(axis) * variance), sigma[rows])
 
 
-def bound_of_axis(axis: Array) -> Array:
+def variance_factors(axis: Array) -> Array:
     """Factors on the variance along an axis that give independent errors along the body axes, nowhere smaller.
 
     Parameters
