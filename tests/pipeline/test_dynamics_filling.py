@@ -226,6 +226,68 @@ def test_a_window_has_the_force_where_it_is_read_while_rates_are_lost(inputs):
     np.testing.assert_array_equal(window.observed[part], expected)
 
 
+def lost_rates_and(telemetry, changes, findings):
+    """Telemetry without the second IMU whose driving record has changes and findings, repaired."""
+    driving = replace(telemetry.driving, **changes)
+    return repaired(replace(telemetry, driving=driving, checking=(), findings=findings), parachute=PARACHUTE)
+
+
+def test_a_triad_of_which_all_axes_are_lost_in_a_part_is_filled_whole(inputs):
+    """One oblique axis of the rates is lost for ten seconds, and all axes for one second within."""
+    mission, telemetry, planet, atmosphere = inputs
+    truth = telemetry.driving
+    changed, lost = without_axis(truth, "angular_rate", 118.0, 128.0)
+    whole = (truth.time > 121.0) & (truth.time <= 122.0)
+    changed["angular_rate"] = np.where(whole[:, None], np.nan, changed["angular_rate"])
+    changed["partial_rate"] = np.where(whole[:, None, None], 0.0, changed["partial_rate"])
+    findings = (
+        SampleFinding(truth.name, "rate x", 118.0, 128.0, int(lost.sum()), "stuck"),
+        SampleFinding(truth.name, "rate", 121.0, 122.0, int(whole.sum()), "not_finite"),
+    )
+    gap = lost_rates_and(telemetry, changed, findings)
+    record = first_run(mission, gap, planet, atmosphere, ()).telemetry.driving
+    errors = [
+        np.abs(np.cumsum((r.angular_rate - truth.angular_rate)[lost] * 0.125, axis=0)).max()
+        for r in (record, gap.driving)
+    ]
+    assert errors[0] < 1e-3 < errors[1]
+
+
+def test_the_sigma_of_a_triad_is_that_of_the_samples_in_which_it_is_lost(inputs):
+    """Rates are lost for ten seconds, forces for three samples within: the sigma of their sum is the prediction's."""
+    mission, telemetry, planet, atmosphere = inputs
+    truth = telemetry.driving
+    rates, forces = ((truth.time > a) & (truth.time <= b) for a, b in ((115.0, 125.0), (120.0, 120.375)))
+    changed = {
+        "angular_rate": np.where(rates[:, None], np.nan, truth.angular_rate),
+        "specific_force": np.where(forces[:, None], np.nan, truth.specific_force),
+    }
+    findings = (
+        SampleFinding(truth.name, "rate", 115.0, 125.0, int(rates.sum()), "not_finite"),
+        SampleFinding(truth.name, "force", 120.0, 120.375, int(forces.sum()), "not_finite"),
+    )
+    base = lost_rates_and(telemetry, changed, findings)
+    result = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(base, atmosphere))
+    run = Run(base, assemble(mission, base, planet, atmosphere, ()), result.filter_pass)
+    model = forward_model_of(mission, planet, atmosphere)
+    window = window_around((115.0, 125.0), base.driving, run, result.trajectory, model, PARACHUTE - 1.0)
+    fills, _ = predict_stretch(window)
+    record = dynamics_filling._with_fills(base.driving, base.driving, base.driving, window, fills)
+    assert (
+        np.flatnonzero(~window.observed[:, 3]).tolist()
+        == (np.flatnonzero(forces) - np.argmax(rates) + window.first).tolist()
+    )
+    bins = ~window.observed[window.first : window.last, 3]
+    predicted = fills[3].covariance[np.ix_(bins, bins)].sum()
+    total = np.sum(record.force_fill_sigma[forces, 0] ** 2 + truth.force_noise[forces] ** 2)
+    assert predicted * (1.0 - 1e-6) < total < 1.3 * predicted
+
+
+def test_stretches_that_overlap_are_one():
+    merged = dynamics_filling._merged({(100.0, 125.0), (111.5, 113.5), (125.0, 126.0), (130.0, 132.0), (131.0, 133.0)})
+    assert merged == [(100.0, 125.0), (125.0, 126.0), (130.0, 133.0)]
+
+
 def test_what_dynamics_have_filled_is_not_filled_again(filled, inputs):
     mission, _, planet, atmosphere = inputs
     run, _, _ = filled(118.0)

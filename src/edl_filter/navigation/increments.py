@@ -57,7 +57,7 @@ class Samples:
         Which instrument's errors apply.
     force_fill_sigma, rate_fill_sigma : (N, 3) arrays, optional
         One sigma by which a value that was filled in may be wrong beyond its noise, m/s² and rad/s, body axes
-        (`ImuRecord.force_fill_sigma`); zero where the instrument was read.
+        (`ImuRecord.force_fill_sigma`).
     onboard_rate : (N, 3) array, optional
         Effective means as a flight computer integrates the same samples (`onboard_rates`), rad/s, body axes; absent: as
         `rate`.

@@ -87,8 +87,8 @@ class Window:
         Rows: unit vectors of the components, body axes, of three rates and three forces. Other axes than the body's
         where one axis of an oblique IMU is lost alone.
     arm : (T, 3) array
-        From the centre of mass to the place where the force is read, m, body axes. Zero where the force has been
-        transferred to the centre of mass with rates that were read.
+        From the centre of mass to the place where the force is read, m, body axes. Zero in bins whose rates were read:
+        their force has been transferred to the centre of mass.
     first, last : int
         The stretch is ``first:last``.
     states : (T, 20) array

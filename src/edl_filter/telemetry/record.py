@@ -95,8 +95,9 @@ class ImuRecord:
         One-sigma sizes of the constant errors, one entry for each of `units`.
     force_fill_sigma, rate_fill_sigma : (N, 3) arrays, optional
         One sigma by which a value that was filled in may be wrong beyond `force_noise` and `rate_noise`, m/s² and
-        rad/s, body axes; zero where the instrument was read. The errors of a filled stretch are correlated in time:
-        these are the sigmas of independent errors whose sum over the stretch has the variance of the correlated ones.
+        rad/s, body axes; zero where the instrument was read (a force that was read while rates are lost has the sigma
+        of the velocity change by tilt). The errors of a filled stretch are correlated in time: these are the sigmas of
+        independent errors whose sum over the stretch has the variance of the correlated ones.
     stated_interval : float, optional
         Sampling interval that the telemetry states besides the times, s; NaN if there is none.
     partial_force, partial_rate : (N, 2, 3) arrays, optional
