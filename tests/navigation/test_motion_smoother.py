@@ -320,6 +320,16 @@ def test_trial_stretches_and_predictions_from_one_side_have_what_is_read_within(
         np.testing.assert_array_equal(observed, expected)
 
 
+def test_the_covariance_of_a_prediction_is_scaled_by_the_misfit(part_read, monkeypatch):
+    window, motion, _ = part_read
+    covariances_of = []
+    for misfit in (1.0, 4.0):
+        monkeypatch.setattr(motion_smoother, "_SIDE_SIGMAS", np.inf)
+        monkeypatch.setattr(motion_smoother, "_misfit", lambda *_, misfit=misfit: misfit)
+        covariances_of.append([f.covariance for f in motion_smoother._validated(window, motion, MEDIANS)])
+    np.testing.assert_allclose(covariances_of[1], 4.0 * np.array(covariances_of[0]), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("size", "expected"), [(0.5, 1.0), (3.0, 9.0)])
 def test_readings_within_the_stretch_that_do_not_fit_enlarge_the_covariance(part_read, size, expected):
     """A motion that is known: its residuals are the readings', here one number of sigmas in the stretch."""

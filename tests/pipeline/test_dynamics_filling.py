@@ -283,6 +283,29 @@ def test_the_sigma_of_a_triad_is_that_of_the_samples_in_which_it_is_lost(inputs)
     assert predicted * (1.0 - 1e-6) < total < 1.3 * predicted
 
 
+def test_nested_stretches_are_predicted_as_one(inputs, monkeypatch):
+    """All rates are lost for ten seconds, and forces for one second within."""
+    mission, telemetry, planet, atmosphere = inputs
+    truth = telemetry.driving
+    rates, forces = ((truth.time > a) & (truth.time <= b) for a, b in ((115.0, 125.0), (120.0, 121.0)))
+    changed = {
+        "angular_rate": np.where(rates[:, None], np.nan, truth.angular_rate),
+        "specific_force": np.where(forces[:, None], np.nan, truth.specific_force),
+    }
+    findings = (
+        SampleFinding(truth.name, "rate", 115.0, 125.0, int(rates.sum()), "not_finite"),
+        SampleFinding(truth.name, "force", 120.0, 121.0, int(forces.sum()), "not_finite"),
+    )
+    spans = []
+
+    def predict(window, _):
+        spans.append((window.time[window.first], window.time[window.last]))
+
+    monkeypatch.setattr(dynamics_filling, "predict_stretch", predict)
+    first_run(mission, lost_rates_and(telemetry, changed, findings), planet, atmosphere, ())
+    assert spans == [(pytest.approx(115.0), pytest.approx(125.0))]
+
+
 def test_stretches_that_overlap_are_one():
     merged = dynamics_filling._merged({(100.0, 125.0), (111.5, 113.5), (125.0, 126.0), (130.0, 132.0), (131.0, 133.0)})
     assert merged == [(100.0, 125.0), (125.0, 126.0), (130.0, 133.0)]
