@@ -145,31 +145,72 @@ def with_interpolation_noise(record: ImuRecord, target: ImuRecord) -> ImuRecord:
     edges = target.edges
     inside = (edges >= record.start) & (edges <= record.time[-1])
     edges = edges[inside]
-    quintic, cubic = (
-        means_between(readings_integral(record, record.specific_force, record.angular_rate, degree=degree), edges)
-        for degree in (DEGREE, DEGREE - 2)
-    )
     at_sample = record.index_at(0.5 * (edges[1:] + edges[:-1]))
     noise = []
-    for stated, first, second in zip((record.force_noise, record.rate_noise), quintic, cubic, strict=True):
+    errors = means_error(record, edges, record.specific_force, record.angular_rate)
+    for stated, difference in zip((record.force_noise, record.rate_noise), errors, strict=True):
         error = np.zeros(len(record))
-        np.maximum.at(error, at_sample, np.max(np.abs(first - second), axis=1))
+        np.maximum.at(error, at_sample, np.max(np.abs(difference), axis=1))
         noise.append(np.hypot(stated, maximum_filter1d(error, 3)))
     return replace(record, force_noise=noise[0], rate_noise=noise[1])
 
 
-def interpolation_sigma(interval: Array, rate: Array) -> Array:
-    """Error (N,) of angular accelerations that are interpolated between mean rates (N, 3), rad/s².
+def means_error(record: ImuRecord, edges: Array, *triads: Array) -> list[Array]:
+    """Error of means that `means_between` gives: the difference of a quintic and a cubic spline through the integral.
 
-    The difference of interpolations of eighth and sixth order. It is large where the moment changes its slope inside a
-    sample, at the nodes of an aerodynamic table on a vehicle that swings far.
+    Parameters
+    ----------
+    record : ImuRecord
+        Of the readings.
+    edges : (N + 1,) array
+        s.
+    *triads : (M, 3) arrays
+        Means over the record's intervals, of any unit; NaN counts as zero.
+
+    Returns
+    -------
+    list of (N, 3) arrays
+        One for each triad, of any sign.
     """
-    weights = np.array(edge_weights(EDGE_REACH)) - np.append(edge_weights(EDGE_REACH - 1), 0.0)
+    quintic, cubic = (
+        means_between(readings_integral(record, *triads, degree=degree), edges) for degree in (DEGREE, DEGREE - 2)
+    )
+    return [first - second for first, second in zip(quintic, cubic, strict=True)]
+
+
+def angular_acceleration_error(interval: Array, rate: Array, lower_reach: int = EDGE_REACH - 1) -> Array:
+    """Error of angular accelerations that are interpolated between mean rates.
+
+    The difference of an interpolation with `EDGE_REACH` samples on each side of an edge, of eighth order, and one with
+    fewer. It is large in a shock, and where the moment changes its slope inside a sample: at the nodes of an
+    aerodynamic table on a vehicle that swings far.
+
+    Parameters
+    ----------
+    interval : (N,) array
+        s.
+    rate : (N, 3) array
+        rad/s.
+    lower_reach : int
+        Samples on each side of an edge for the second interpolation.
+
+    Returns
+    -------
+    (N, 3) array
+        rad/s², of any sign.
+    """
+    weights = np.array(edge_weights(EDGE_REACH))
+    weights[:lower_reach] -= edge_weights(lower_reach)
     kernel = np.concatenate((weights[::-1], weights))
     error = np.column_stack(
         [np.convolve(column, kernel, mode="full")[EDGE_REACH - 1 : -EDGE_REACH + 1] for column in rate.T]
     )
-    return np.asarray(np.linalg.norm(np.diff(error, axis=0), axis=1)) / interval
+    return np.asarray(np.diff(error, axis=0) / interval[:, None])
+
+
+def interpolation_sigma(interval: Array, rate: Array) -> Array:
+    """Length (N,) of `angular_acceleration_error` with the next lower order, rad/s²."""
+    return np.asarray(np.linalg.norm(angular_acceleration_error(interval, rate), axis=1))
 
 
 def near_lost(lost: BoolArray) -> BoolArray:

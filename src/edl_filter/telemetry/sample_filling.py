@@ -8,8 +8,9 @@ dynamics (`pipeline.dynamics_filling`). Output: the record without NaN, in each 
 be wrong (`ImuRecord.force_fill_sigma`), and what was done where.
 
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
-sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. That of
-rates includes the coning of an oscillation whose phase is not known.
+sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. What the
+calibration of two IMUs does not determine is common to all samples that are transferred, whose number is n then. The
+sigma of rates includes the coning of an oscillation whose phase is not known.
 """
 
 from __future__ import annotations
@@ -96,7 +97,11 @@ def filled(
                 rows = slice(a, b)
                 remaining, variance = _remaining_difference(record, source, triad, a, b, parachute)
                 values[triad][rows] = getattr(source, triad)[rows] + remaining
-                sigmas[triad][rows] = _transfer_sigma(source, triad, rows, noise[triad][rows], variance)
+                common = np.count_nonzero(available) * getattr(source, f"{triad}_error")[rows] ** 2
+                common += (b - a) * variance
+                sigmas[triad][rows] = _transfer_sigma(
+                    getattr(source, f"{triad}_scatter")[rows], noise[triad][rows], common
+                )
                 limit = settings.disagreement_sigmas * np.linalg.norm(
                     np.hypot(sigmas[triad], noise[triad][:, None]), axis=1
                 )
@@ -199,13 +204,12 @@ def _remaining_difference(
     return estimate_in_stretch(middle[rows], difference[rows], middle[a:b], [(size[rows], size[a:b])])
 
 
-def _transfer_sigma(
-    source: TransferredReadings, triad: str, rows: slice, noise: Array, remaining_variance: Array
-) -> Array:
-    """Sigma (n, 3) of independent errors that are equivalent to those of n transferred samples, beyond their noise."""
-    scatter, common = getattr(source, f"{triad}_scatter")[rows], getattr(source, f"{triad}_error")[rows]
-    independent = np.maximum(scatter**2 - noise[:, None] ** 2, 0.25 * scatter**2)
-    return np.sqrt(independent + len(scatter) * (common**2 + remaining_variance))
+def _transfer_sigma(scatter: Array, noise: Array, common: Array) -> Array:
+    """Sigma (n, 3) of transferred samples beyond their noise (n,), from their scatter and a variance of common errors.
+
+    The variance (n, 3) is times the number of samples that have the errors in common.
+    """
+    return np.sqrt(np.maximum(scatter**2 - noise[:, None] ** 2, 0.25 * scatter**2) + common)
 
 
 def _interpolated(
