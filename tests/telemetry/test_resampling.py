@@ -11,9 +11,12 @@ from edl_filter.telemetry.disagreement import disagreements, independent_error
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.relative_calibration import relative_calibration
 from edl_filter.telemetry.resampling import (
+    angular_acceleration_error,
     averaged,
     comparable_records,
+    interpolation_sigma,
     means_between,
+    means_error,
     moved_to,
     readings_integral,
     samples_less_often,
@@ -186,3 +189,33 @@ def test_a_repair_adds_the_noise_once_and_keeps_the_record_as_read(telemetry):
     again = without_samples(complete, telemetry.driving.name, {"rate": [(150.0, 151.0)]}, parachute=PARACHUTE)
     assert again.as_read is given and len(again.findings) == 1
     np.testing.assert_array_equal(again.checking[0].rate_noise, complete.checking[0].rate_noise)
+
+
+@pytest.mark.parametrize("lower_reach", [1, 2, 3])
+def test_the_error_of_an_angular_acceleration_is_that_of_the_lower_order(lower_reach):
+    """Means of t^n: both interpolations are exact up to their order, and the lower one is not beyond it."""
+    edges = DT * np.arange(41)
+    for power in range(9):
+        means = (np.diff(edges ** (power + 1)) / (power + 1) / DT)[:, None] * [1.0, -2.0, 0.5]
+        error = angular_acceleration_error(np.full(40, DT), means, lower_reach)[8:-8]
+        exact = np.diff(edges**power)[8:-8, None] / DT * [1.0, -2.0, 0.5]
+        if power < 2 * lower_reach:
+            np.testing.assert_allclose(error, 0.0, atol=1e-9 * np.abs(exact).max())
+        elif power == 2 * lower_reach + 1:  # at an even power the error is the same at both edges
+            assert np.abs(error).min() > 1e-6
+    np.testing.assert_allclose(
+        interpolation_sigma(np.full(40, DT), means),
+        np.linalg.norm(angular_acceleration_error(np.full(40, DT), means, 3), axis=1),
+    )
+
+
+def test_the_error_of_means_vanishes_where_a_cubic_spline_is_exact():
+    reference, checked = two_records(count=200)
+    edges = reference.edges[40:-40] + 0.3 * DT
+    t = checked.edges
+    cubic = (np.diff(t**3) / 3.0 / DT)[:, None] * np.ones(3)  # their integral is a cubic
+    kink = np.where(checked.time[:, None] > 0.5 * (t[0] + t[-1]), 1.0, 0.0) * np.ones(3)
+    smooth, stepped = means_error(checked, edges, cubic, kink)
+    assert np.abs(smooth).max() < 1e-9 * np.abs(cubic).max()
+    assert 0.01 < np.abs(stepped).max() < 1.0
+    assert np.abs(stepped[:20]).max() < 1e-6

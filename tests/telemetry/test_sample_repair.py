@@ -195,6 +195,53 @@ def test_a_fault_of_the_only_imu_is_named_and_filled_by_its_dynamics(name, corru
         assert np.all(np.abs(error) <= 4.0 * np.sqrt((fill[rows] ** 2).sum(axis=0)))
 
 
+BURST = np.array([200.0, -150.0, 90.0, 180.0, -220.0, 140.0])
+
+
+def with_burst(key, values, axis):
+    def change(data):
+        data[key][FIRST : FIRST + len(values), axis] += values
+
+    return change
+
+
+@pytest.mark.parametrize(("key", "triad", "values"), [
+    (FORCE, "force", BURST), (FORCE, "force", BURST[:2]), (FORCE, "force", np.where(np.arange(6) == 3, 0.0, BURST)),
+    (FORCE, "force", np.full(12, 60.0)), (RATE, "rate", 0.01 * BURST), (RATE, "rate", np.full(3, -1.5)),
+])  # fmt: skip
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_burst_in_the_only_imu_is_named_and_filled(key, triad, values, axis, corrupted, builtin_flight):
+    truth = read_flight_file(builtin_flight).driving
+    telemetry = repaired(alone(corrupted(with_burst(key, values, axis))), parachute=252.75)
+    assert [(f.channel, f.kind, f.samples) for f in telemetry.findings] == [(triad, "burst", len(values))]
+    imu = telemetry.driving
+    fill = getattr(imu, f"{triad}_fill_sigma")
+    rows = fill[:, 0] > 0.0
+    np.testing.assert_array_equal(np.flatnonzero(rows), FIRST + np.arange(len(values)))
+    error = (getattr(imu, key) - getattr(truth, key))[rows].sum(axis=0)
+    assert np.all(np.abs(error) <= 4.0 * np.sqrt((fill[rows] ** 2).sum(axis=0)))
+
+
+@pytest.mark.parametrize("values", [np.full(13, 60.0), np.full(6, 0.9), np.repeat([60.0, 0.0, -60.0], [5, 3, 5])])
+def test_what_a_vehicle_may_do_is_no_burst(values, corrupted):
+    """A step that lasts, thrusters, and an oscillation that begins; longer runs are for the other checks."""
+    telemetry = repaired(alone(corrupted(with_burst(FORCE, values, 2))), parachute=252.75)
+    bursts = [(f.start, f.samples) for f in telemetry.findings if f.kind == "burst"]
+    if len(values) == 13 and values[6] == 0.0:  # two bursts with three sound samples between them
+        assert [samples for _, samples in bursts] == [5, 5]
+    else:
+        assert bursts == []
+
+
+def test_a_shock_after_the_parachute_is_no_burst(corrupted, builtin_flight):
+    record = alone(read_flight_file(builtin_flight))
+    force = record.driving.specific_force.copy()
+    rows = np.flatnonzero(record.driving.time > 255.0)[:6]
+    force[rows, 0] += BURST
+    shaken = replace(record, driving=replace(record.driving, specific_force=force))
+    assert repaired(shaken, parachute=252.75).findings == ()
+
+
 @pytest.mark.parametrize("rover", ["mer_a", "mer_b"])
 def test_telemetry_of_the_rovers_has_no_bad_samples(rover):
     telemetry = read_telemetry(Mission.load(f"builtin:{rover}"))

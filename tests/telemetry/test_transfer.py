@@ -34,3 +34,20 @@ def test_transferred_readings_are_those_of_the_reference(builtin_flight):
     ):  # fmt: skip
         ratio = (values - getattr(telemetry.driving, key))[rows] / scatter[rows]
         assert 0.8 < np.sqrt(np.mean(ratio**2)) < 1.2
+
+
+def test_the_sigma_in_a_shock_contains_the_error_of_the_interpolation(builtin_flight):
+    """The parachute turns the vehicle within a sample; each sample in turn is lost, the others are known."""
+    telemetry = read_flight_file(builtin_flight)
+    driving, checking = telemetry.driving, telemetry.checking[0]
+    deployed = telemetry.events["parachute_deploy"]
+    ratios, errors = [], []
+    for row in np.flatnonzero((driving.time > deployed) & (driving.time < deployed + 2.5)):
+        force = driving.specific_force.copy()
+        force[row] = np.nan
+        source = transferred(replace(driving, specific_force=force), checking, deployed - 1.0)
+        errors.append(source.force[row] - driving.specific_force[row])
+        ratios.append(errors[-1] / source.force_scatter[row])
+    assert np.max(np.abs(errors)) > 100.0 * driving.force_noise[0]
+    assert np.abs(ratios).max() < 3.5
+    assert np.sqrt(np.mean(np.square(ratios))) > 0.2

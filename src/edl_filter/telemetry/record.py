@@ -246,6 +246,7 @@ KINDS = {
     "stuck": "stuck axis",
     "saturated": "saturated axis",
     "spike": "spike",
+    "burst": "burst",
     "duplicated": "duplicated packets",
     "reordered": "packets out of order",
     "clock_jump": "jump of the clock",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from edl_filter.results.schema.fields import Content, Number, NumberVector, key, optional
+from edl_filter.telemetry.record import KINDS
 
 
 class EventState(Content):
@@ -299,10 +300,7 @@ class SampleFindingSummary(Content):
     start_s: float = key("beginning of the first sample, s since the epoch")
     end_s: float = key("end of the last sample, s since the epoch")
     samples: int = key("number of samples")
-    kind: str = key(
-        "missing, not_finite, out_of_range, all_zero, stuck, saturated, spike, duplicated, reordered, clock_jump or "
-        "dead"
-    )
+    kind: str = key(f"one of {', '.join(KINDS)}")
     repair: str = key("what was done")
 
 
