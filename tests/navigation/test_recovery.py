@@ -168,12 +168,17 @@ class FlightProblem:
 def changes(lost=(), stop=6):
     """Causes → sizes and change, of ten samples; force and rate vary by 2 and by 0.5 before the sixth.
 
-    The samples end at full seconds, but for the fourth, which ends at 3.5 s.
+    The samples end at full seconds, but for the fourth, which ends at 3.5 s. It and the fifth, eighth and ninth are
+    filled, with sigmas of 1 and 0.25, and of 0.5 and 0 along the third axis.
     """
     sign = (-1.0) ** np.arange(10)[:, None] * np.ones(3)
     size = np.where(np.arange(10) < 6, 1.0, 7.0)[:, None]
     interval = np.array([1.0, 1.0, 1.0, 0.5, 1.5, 1.0, 1.0, 1.0, 1.0, 1.0])
     samples = twins.samples(interval, 2.0 * size * sign + 5.0, 0.5 * size * sign, force_noise=3.0, rate_noise=1.0)
+    filled = np.isin(np.arange(10), [3, 4, 7, 8])[:, None]
+    samples = replace(
+        samples, force_fill_sigma=filled * np.array([1.0, 1.0, 0.5]), rate_fill_sigma=filled * np.array([0.25, 0.25, 0])
+    )
     problem = FlightProblem(samples, Initial(np.diag([4.0, 9.0])))
     return samples, {cause: (sizes, change) for cause, sizes, change in recovery._changes(problem, stop, lost)}
 
@@ -187,20 +192,38 @@ def test_a_wrong_entry_state_has_larger_sigmas():
     assert change(10.0).samples is samples
 
 
-@pytest.mark.parametrize(
-    ("cause", "noisier"), [("gap", [3, 4]), ("process_noise", [0, 1, 2, 3, 4, 5])]
-)  # fmt: skip
-def test_samples_before_the_contradiction_have_a_share_of_the_variation_as_noise(cause, noisier):
+def test_samples_before_the_contradiction_have_a_share_of_the_variation_as_noise():
+    samples, by_cause = changes()
+    sizes, change = by_cause["process_noise"]
+    changed = change(2.0).samples
+    assert sizes == recovery.SHARES
+    before = (np.arange(10) < 6)[:, None] * np.ones(3, bool)
+    np.testing.assert_allclose(changed.force_noise, np.where(before, 5.0, 3.0))
+    np.testing.assert_allclose(changed.rate_noise, np.where(before, np.sqrt(2.0), 1.0))
+    assert replace(changed, force_noise=samples.force_noise, rate_noise=samples.rate_noise).time is samples.time
+
+
+def test_filled_samples_have_a_multiple_of_their_sigma():
     """Lost are those that end after 3 s and by 5 s, and those after the contradiction at 6 s."""
     samples, by_cause = changes(lost=[(3.0, 5.0), (7.0, 9.0)])
     assert list(by_cause) == ["gap", "entry_state", "process_noise"]
-    sizes, change = by_cause[cause]
+    sizes, change = by_cause["gap"]
+    changed = change(2.0).samples
+    assert sizes == recovery.FILL_FACTORS and max(sizes) <= 10.0
+    factor = np.where(np.isin(np.arange(10), [3, 4]), 2.0, 1.0)[:, None]
+    np.testing.assert_allclose(changed.force_fill_sigma, factor * samples.force_fill_sigma)
+    np.testing.assert_allclose(changed.rate_fill_sigma, factor * samples.rate_fill_sigma)
+    assert changed.force_noise is samples.force_noise and changed.rate_noise is samples.rate_noise
+
+
+def test_lost_samples_without_a_sigma_of_their_own_have_a_share_of_the_variation_as_noise():
+    samples, by_cause = changes(lost=[(0.0, 2.0)])
+    assert list(by_cause) == ["gap", "entry_state", "process_noise"]
+    sizes, change = by_cause["gap"]
     changed = change(2.0).samples
     assert sizes == recovery.SHARES
-    rows = np.repeat(np.isin(np.arange(10), noisier)[:, None], 3, axis=1)
-    np.testing.assert_allclose(changed.force_noise, np.where(rows, 5.0, 3.0))
-    np.testing.assert_allclose(changed.rate_noise, np.where(rows, np.sqrt(2.0), 1.0))
-    assert replace(changed, force_noise=samples.force_noise, rate_noise=samples.rate_noise).time is samples.time
+    np.testing.assert_allclose(changed.force_noise, np.where(np.arange(10) < 2, 5.0, 3.0)[:, None] * np.ones(3))
+    np.testing.assert_array_equal(changed.force_fill_sigma, samples.force_fill_sigma)
 
 
 def test_what_was_lost_after_the_contradiction_is_no_cause():
@@ -248,7 +271,8 @@ def recovered(monkeypatch):
             if cause not in likelihoods:
                 return None
             filter_pass = run_of(use("landing", accepted=cause not in rejecting))
-            return recovery._Attempt(cause, 0.5, change(0.5), filter_pass, likelihoods[cause])
+            size = 2.0 if cause == "gap" else 0.5
+            return recovery._Attempt(cause, size, change(size), filter_pass, likelihoods[cause])
 
         def contradicts(filter_pass, least=2):
             return replace(DIVERGENCE, time=6.0) if sources >= least else None
@@ -272,11 +296,14 @@ def test_without_a_contradiction_the_run_stays(recovered):
 
 @pytest.mark.parametrize("sources", [1, 2])
 def test_lost_samples_that_explain_the_contradiction_are_its_cause(recovered, sources):
-    """Half of the variation of force, 2 m/s², and rate, 0.5 rad/s, is the noise of the samples from 3 to 5 s."""
+    """The sigmas of the samples from 3 to 5 s are doubled: their variances have become larger by three times them."""
     changed, result, tried = recovered(sources, {"gap": -20.0, "entry_state": 500.0})
     assert tried == ["gap"]
-    assert result == recovery.Recovery(replace(DIVERGENCE, time=6.0), "gap", 0.5, 1.0, 0.25, 3.0, 5.0, 30.0)
-    assert result.recovered and np.count_nonzero(changed.samples.force_noise > 3.0) == 2 * 3
+    noise = np.sqrt(3.0 * np.array([2.25, 0.125]) / 3.0)  # mean square of the axes
+    assert result.divergence == replace(DIVERGENCE, time=6.0)
+    assert (result.cause, result.size, result.start, result.end, result.gain) == ("gap", 2.0, 3.0, 5.0, 30.0)
+    assert (result.force_noise, result.rate_noise) == pytest.approx(tuple(noise))
+    assert result.recovered and np.count_nonzero(changed.samples.force_fill_sigma > 1.0) == 2 * 2
 
 
 def test_without_lost_samples_two_sources_show_that_the_state_is_wrong(recovered):
@@ -306,10 +333,11 @@ def test_the_cause_rejects_least_and_is_clearly_the_likeliest(recovered, likelih
     assert tried == ["gap", "entry_state", "process_noise"]
     assert (result.cause, result.gain) == (cause, likelihoods[cause] + 50.0)
     noise, interval = {
-        "gap": ((1.0, 0.25), (3.0, 5.0)), "entry_state": ((0.0, 0.0), (-1.0, -1.0)),
+        "gap": ((1.5, np.sqrt(0.125)), (3.0, 5.0)), "entry_state": ((0.0, 0.0), (-1.0, -1.0)),
         "process_noise": ((1.0, 0.25), (0.0, 6.0)),
     }[cause]  # fmt: skip
-    assert (result.force_noise, result.rate_noise) == noise and (result.start, result.end) == interval
+    assert (result.force_noise, result.rate_noise) == pytest.approx(noise)
+    assert (result.start, result.end) == interval
 
 
 def test_a_contradiction_that_no_change_removes_is_reported(recovered):

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from edl_filter.telemetry.sample_checks import (
     CheckSettings,
@@ -51,6 +53,65 @@ def test_a_saturated_axis_has_a_limit_where_its_reading_is_the_farthest_from_zer
     assert {f.limit for f in findings} == {expected}
     turned = in_body_axes(findings, np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
     assert {f.limit for f in turned} == {None if limit is None else (limit, 0.0, 0.0)}
+
+
+def checked(readings):
+    """Findings of readings at 100 Hz."""
+    time = 0.01 * np.arange(1, len(readings) + 1)
+    return lost_readings(time, readings, 0.01, "a", (1e3, 10.0), CheckSettings())
+
+
+def test_the_other_limit_of_a_symmetric_range_is_one_too():
+    """One run at the upper limit, and single samples at the lower one."""
+    readings = np.random.default_rng(1).standard_normal((4000, 6))
+    readings[:, 1] = np.clip(readings[:, 1], -3.0, np.inf)
+    readings[2000:2040, 1] = 3.0
+    readings[2100, 1] = -3.0
+    readings[:, 1] = np.clip(readings[:, 1], -3.0, 3.0)
+    out, findings = checked(readings)
+    assert {f.limit for f in findings} == {(0.0, 3.0, 0.0), (0.0, -3.0, 0.0)}
+    np.testing.assert_array_equal(np.isnan(out[:, 1]), np.abs(readings[:, 1]) == 3.0)
+    asymmetric = readings.copy()
+    asymmetric[:, 1] = np.maximum(asymmetric[:, 1], -2.9)
+    assert {f.limit for f in checked(asymmetric)[1]} == {(0.0, 3.0, 0.0)}
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-6, 1e-3])
+@pytest.mark.parametrize("count", [2, 8])
+def test_peaks_at_the_limits_of_a_range_are_saturated_however_short(step, count):
+    """An oscillation of 20 samples whose amplitude exceeds the range in some periods, by one or two samples each."""
+    phase = 2.0 * np.pi * np.arange(4000) / 20.3
+    amplitude = np.where(np.arange(4000) < 20.3 * count, 1.02, 0.9)
+    rate = amplitude * np.sin(phase) + 1e-3 * np.random.default_rng(3).standard_normal(4000)
+    readings = np.random.default_rng(2).standard_normal((4000, 6))
+    readings[:, 4] = np.clip(rate, -1.0, 1.0)
+    if step:
+        readings[:, 4] = step * np.round(readings[:, 4] / step)
+    out, findings = checked(readings)
+    at_limit = np.abs(readings[:, 4]) == np.abs(readings[:, 4]).max()
+    if count == 2:  # too few: other values may recur as often
+        assert findings == []
+    else:
+        assert {(f.channel, f.kind) for f in findings} == {("rate y", "saturated")}
+        np.testing.assert_array_equal(np.isnan(out[:, 4]), at_limit)
+
+
+@given(
+    st.integers(0, 10**6), st.sampled_from([0.0, 1e-6, 1e-3, 0.1, 0.5]), st.sampled_from(["normal", "sine", "uniform"])
+)
+@settings(max_examples=60, deadline=None)
+def test_extremes_of_a_sound_axis_are_no_limits(seed, step, shape):
+    """Symmetric about zero, quantised or not; also a sine whose samples recur exactly in every period."""
+    rng = np.random.default_rng(seed)
+    values = {
+        "normal": rng.standard_normal(3000), "uniform": rng.uniform(-1.0, 1.0, 3000),
+        "sine": np.tile(np.sin(2.0 * np.pi * np.arange(20 + seed % 40) / (20 + seed % 40)), 60),
+    }[shape]  # fmt: skip
+    values = step * np.round(values / step) if step else values
+    values = np.append(values[values >= -values.max()], -values.max())
+    readings = np.random.default_rng(0).standard_normal((len(values), 6))
+    readings[:, 2] = values
+    assert [f for f in checked(readings)[1] if f.channel == "force z" and f.kind == "saturated"] == []
 
 
 def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():

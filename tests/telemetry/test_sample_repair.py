@@ -233,6 +233,33 @@ def test_what_a_vehicle_may_do_is_no_burst(values, corrupted):
         assert bursts == []
 
 
+@pytest.mark.parametrize("distance", [-4, -2, -1, 3, 4, 6])
+@pytest.mark.parametrize(("key", "triad", "size"), [(FORCE, "force", 3.0), (RATE, "rate", 0.3)])
+def test_a_spike_near_lost_samples_is_found(distance, key, triad, size, corrupted, builtin_flight):
+    """Three samples are lost; one near them, which the test of four neighbours does not reach, is wrong."""
+
+    def change(data):
+        data[key][FIRST + distance, 1] += size
+        return removed(3)(data)
+
+    truth = read_flight_file(builtin_flight).driving
+    telemetry = repaired(alone(corrupted(change)), parachute=252.75)
+    interval = truth.interval[0]
+    assert sorted((f.kind, f.channel, round(f.start / interval), f.samples) for f in telemetry.findings) == sorted([
+        ("missing", "all", FIRST, 3), ("spike", triad, FIRST + distance, 1)
+    ])  # fmt: skip
+    rows = np.arange(FIRST - 4, FIRST + 7)
+    error = np.abs(getattr(telemetry.driving, key) - getattr(truth, key))[rows]
+    assert error.max() < 0.2 * size
+
+
+def test_two_neighbours_that_are_wrong_are_found(corrupted):
+    """The smaller one is not predicted once the larger one is known to be bad."""
+    telemetry = repaired(alone(corrupted(with_burst(RATE, np.array([1.5, -0.08]), 1))), parachute=252.75)
+    assert {f.channel for f in telemetry.findings} == {"rate"}
+    np.testing.assert_array_equal(np.flatnonzero(telemetry.driving.filled), [FIRST, FIRST + 1])
+
+
 def test_a_shock_after_the_parachute_is_no_burst(corrupted, builtin_flight):
     record = alone(read_flight_file(builtin_flight))
     force = record.driving.specific_force.copy()

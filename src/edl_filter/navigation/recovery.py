@@ -6,18 +6,20 @@ were lost and filled, one constraint is sufficient to test these, and if they ex
 the covariance of the state was too small, and the filter runs again with more. Three causes are compared, each with one
 size:
 
-- **gap**: the samples that stand for lost ones are wrong by more than their noise says;
+- **gap**: the samples that stand for lost ones are wrong by more than their sigmas say;
 - **entry_state**: the stated entry state is wrong by more than its covariance says;
 - **process_noise**: all samples before the contradiction are, whatever the reason.
 
-A sample's noise is increased by a share of how much force and rate vary over the flight up to the contradiction, which
-is what an unknown sample could be wrong by; the sigmas of the entry state are multiplied. The size maximises the
-likelihood of all constraints in the filter's own predictions (prediction-error decomposition: Harvey 1989,
-*Forecasting, Structural Time Series Models and the Kalman Filter*, section 3.4; Särkkä 2013, section 12.1), each
+The sigmas of filled samples and of the entry state are multiplied; those of filled samples, which are calibrated
+(docs/calibration.md), by 18 at most: with more, a few filled samples explain any error of the other ones. The noise of
+all samples, and of those that stand for lost ones without a sigma of their own, is increased by a share of how much
+force and rate vary over the flight up to the contradiction, which is what an unknown sample could be wrong by. The size
+maximises the likelihood of all constraints in the filter's own predictions (prediction-error decomposition: Harvey
+1989, *Forecasting, Structural Time Series Models and the Kalman Filter*, section 3.4; Särkkä 2013, section 12.1), each
 truncated at the gate where it is one of many readings so that outliers do not determine it; the cause is the one with
-the greatest maximum. Lost samples
-are a known cause: where they explain all contradictions, no other is tried. The added noise is part of the problem that
-the smoother, the leave-one-out checks and all later stages use, so that sigmas hold it.
+the greatest maximum. Lost samples are a known cause: where they explain all contradictions, no other is tried. The
+added noise is part of the problem that the smoother, the leave-one-out checks and all later stages use, so that sigmas
+hold it.
 """
 
 from __future__ import annotations
@@ -39,9 +41,9 @@ from edl_filter.types import Array, BoolArray
 
 Cause = Literal["gap", "entry_state", "process_noise"]
 
-#: Sizes that are tried: shares of the variation, and factors of the entry state's sigmas. The steps about the best of
-#: them are halved `REFINEMENTS` times.
-SHARES, FACTORS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0), (3.0, 10.0, 30.0, 100.0, 300.0)
+#: Sizes that are tried: shares of the variation, factors of the entry state's sigmas, and of those of filled samples.
+#: The steps about the best of them are halved `REFINEMENTS` times.
+SHARES, FACTORS, FILL_FACTORS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0), (3.0, 10.0, 30.0, 100.0, 300.0), (3.0, 10.0)
 REFINEMENTS = 2
 #: Least gain in log likelihood for which another cause is preferred to one before it, nats.
 LEAST_GAIN = 3.0
@@ -59,9 +61,9 @@ class Recovery:
     cause : str or None
         ``gap``, ``entry_state`` or ``process_noise``; None: no change removes the contradiction.
     size : float
-        Share of the variation, or factor of the entry state's sigmas.
+        Share of the variation, or factor of the sigmas of filled samples or of the entry state.
     force_noise, rate_noise : float
-        Noise that was added to the samples, m/s² and rad/s; zero for the entry state.
+        Noise that was added to the samples, root mean square of all axes, m/s² and rad/s; zero for the entry state.
     start, end : float
         First and last time whose samples have it, s; of the entry state its time.
     gain : float
@@ -143,15 +145,21 @@ def run_with_recovery(
         return problem, first, Recovery(divergence, None, 0.0, 0.0, 0.0, np.nan, np.nan, 0.0)
     force, rate, start, end = 0.0, 0.0, problem.initial.time, problem.initial.time
     if best.cause != "entry_state":
-        force, rate = best.size * _variation(problem.samples.part(0, stop))
-        added = np.flatnonzero(np.any(best.problem.samples.force_noise > problem.samples.force_noise, axis=1))
-        time = problem.samples.time
-        start, end = time[added[0]] - problem.samples.interval[added[0]], time[added[-1]]
+        samples = problem.samples
+        added = [_added_variance(samples, best.problem.samples, triad) for triad in ("force", "rate")]
+        rows = np.flatnonzero(np.any(np.hstack(added) > 0.0, axis=1))
+        force, rate = (float(np.sqrt(np.mean(variance[rows]))) for variance in added)
+        start, end = samples.time[rows[0]] - samples.interval[rows[0]], samples.time[rows[-1]]
     recovery = Recovery(
-        divergence, best.cause, best.size, float(force), float(rate), float(start), float(end),
-        best.likelihood - before,
-    )  # fmt: skip
+        divergence, best.cause, best.size, force, rate, float(start), float(end), best.likelihood - before
+    )
     return best.problem, best.filter_pass, recovery
+
+
+def _added_variance(before: Samples, after: Samples, triad: str) -> Array:
+    """What the variance of a triad's samples (N, 3), of noise and fill, is larger by."""
+    names = f"{triad}_noise", f"{triad}_fill_sigma"
+    return np.asarray(sum(getattr(after, name) ** 2 - getattr(before, name) ** 2 for name in names), float)
 
 
 @dataclass(frozen=True)
@@ -276,14 +284,21 @@ def _changes(
     def noisier(selected: BoolArray) -> Callable[[float], Problem]:
         return lambda size: replace(problem, samples=_noisier(samples, selected, size * variation))
 
+    def worse_filled(size: float) -> Problem:
+        factor = np.where(inside, size, 1.0)[:, None]
+        sigmas = {name: factor * getattr(samples, name) for name in ("force_fill_sigma", "rate_fill_sigma")}
+        return replace(problem, samples=replace(samples, **sigmas))
+
     def wider(size: float) -> Problem:
         initial = problem.initial
         return replace(problem, initial=replace(initial, covariance=size**2 * initial.covariance))
 
     inside = before & np.array([any(a + SAME_TIME < t <= b + SAME_TIME for a, b in lost) for t in samples.time])
     gap: list[tuple[Cause, tuple[float, ...], Callable[[float], Problem]]] = []
-    if np.any(inside):
-        gap.append(("gap", SHARES, noisier(inside)))
+    if np.any(samples.filled & inside):
+        gap.append(("gap", FILL_FACTORS, worse_filled))
+    if np.any(~samples.filled & inside):
+        gap.append(("gap", SHARES, noisier(~samples.filled & inside)))
     return [*gap, ("entry_state", FACTORS, wider), ("process_noise", SHARES, noisier(before))]
 
 

@@ -52,6 +52,8 @@ _BIN, _MOST_BINS, _STEP = 0.05, 200, 0.025
 MOST_STRETCHES = 8
 #: Relative difference from which on two readings are not the same one.
 _SAME_READING = 1e-9
+#: Columns of rates and forces in a window.
+_RATE, _FORCE = slice(0, 3), slice(3, 6)
 #: Angles at which the coefficients are evaluated, rad.
 _ANGLES = np.radians(np.linspace(0.0, 60.0, 61))
 
@@ -312,65 +314,89 @@ def _with_fills(
     fills : list of six Interpolation
         Rates and specific force along the window's axes; forces where the window has them.
     """
-    edges, part = window.time[window.first : window.last + 1], slice(window.first, window.last)
+    edges = window.time[window.first : window.last + 1]
     a, b = (int(k) for k in np.searchsorted(base.time, edges[[0, -1]] + np.array([SAME_TIME, -SAME_TIME])))
-    rows, observed = slice(a, b + 1), window.observed[part]
-    change = np.where(observed, 0.0, np.stack([f.values for f in fills], axis=1) - window.readings[part]) @ window.axes
-    total = np.concatenate((np.zeros((1, 6)), np.cumsum(change * np.diff(edges)[:, None], axis=0)))
-    ends = np.clip(base.edges[a : b + 2], edges[0], edges[-1])
-    means = np.stack([np.interp(ends, edges, c) for c in total.T], axis=1)
-    rate_change, force_change = np.split(np.diff(means, axis=0) / base.interval[rows, None], 2, axis=1)
-    rate = current.angular_rate.copy()
-    rate[rows] += rate_change
-    arms = [lever_arm_acceleration(base.interval, w, base.position, base.unit) for w in (rate, current.angular_rate)]
-    rates_read = ~np.any(base.rate_fill_sigma[rows] > 0.0, axis=1, keepdims=True)
-    force = current.specific_force.copy()
-    # where rates are lost, the window has the force at the place of the IMU
-    force[rows] += force_change + np.where(rates_read, (arms[0] - arms[1])[rows], 0.0)
-    interval, lengths = float(np.median(base.interval[rows])), np.diff(edges)
-    changed, tilt = {}, np.zeros(3)
-    for values, names, column, partial in (
-        (rate, ("angular_rate", "rate_fill_sigma"), 0, base.partial_rate),
-        (force, ("specific_force", "force_fill_sigma"), 3, base.partial_force),
+    rows, interval = slice(a, b + 1), float(np.median(base.interval[a : b + 1]))
+    rate, force = _changed_readings(base, current, window, fills, rows)
+    triads = [_along_body(fills[columns], window.axes[columns, columns]) for columns in (_RATE, _FORCE)]
+    changed = {}
+    for values, names, columns, triad, partial in (
+        (rate, ("angular_rate", "rate_fill_sigma"), _RATE, triads[0], base.partial_rate),
+        (force, ("specific_force", "force_fill_sigma"), _FORCE, triads[1], base.partial_force),
     ):
-        columns = slice(column, column + 3)
-        triad_axes = window.axes[columns, columns]
-        one_axis = not np.array_equal(triad_axes, np.eye(3))
-        triad = _one_axis(fills[columns], triad_axes) if one_axis else fills[columns]
         lost = np.any(getattr(base, names[1])[rows] > 0.0, axis=1)
-        bins = ~observed[:, columns].all(axis=1)
-        if column == 0 and bins.any() and observed[:, 3:].any():
-            sigma = fill_sigma(triad, window.noise[part, column], float(np.median(lengths)), coning=True)
-            read_force = window.readings[part, 3:] @ window.axes[3:, 3:]
-            tilt = tilt_variance(triad, sigma, read_force, np.zeros_like(read_force), float(np.median(lengths)))
-        if one_axis:
+        axis = window.axes[columns, columns][0]
+        if _has_single_axis(window.axes[columns, columns]):
             before = getattr(current, names[0])[rows]
-            values[rows] = before + np.outer((values[rows] - before) @ triad_axes[0], triad_axes[0])
+            values[rows] = before + np.outer((values[rows] - before) @ axis, axis)
         else:  # samples that contain what their other axes read stay as they are
             lost = lost & ~_contains_readings(getattr(base, names[0])[rows], partial[rows])
-        sigma = np.zeros(3)
-        if bins.any() and lost.any():
-            restricted = [replace(f, values=f.values[bins], covariance=f.covariance[np.ix_(bins, bins)]) for f in triad]
-            length = float(np.median(lengths[bins]))
-            sigma = fill_sigma(restricted, window.noise[part, column][bins], length, coning=column == 0)
-            # independent errors of bins become those of samples with the same variance of the sum
-            ratio = np.count_nonzero(bins) / np.count_nonzero(lost)
-            share = float(np.sum(lengths[bins])) / (np.count_nonzero(bins) * interval)
-            sigma = np.sqrt(np.mean(sigma**2, axis=0) * ratio) * share
+        sigma = _sigma_of_samples(triad, window, columns, int(np.count_nonzero(lost)), interval)
         for name, new in zip(names, (values[rows], np.broadcast_to(sigma, (len(lost), 3))), strict=True):
             array = getattr(record, name).copy()
             array[rows] = np.where(lost[:, None], new, array[rows])
             changed[name] = array
-    changed["force_fill_sigma"][rows] = np.sqrt(
-        changed["force_fill_sigma"][rows] ** 2 + tilt / (b + 1 - a) / interval**2
-    )
+    tilt = _tilt_variance(triads[0], window) / (b + 1 - a) / interval**2
+    changed["force_fill_sigma"][rows] = np.sqrt(changed["force_fill_sigma"][rows] ** 2 + tilt)
     return replace(record, **changed)
 
 
-def _one_axis(fills: list[Interpolation], axes: Array) -> list[Interpolation]:
-    """Fills of a triad along its axes, rows (3, 3), of which the first alone is lost, as fills along the body axes.
+def _changed_readings(
+    base: ImuRecord, current: ImuRecord, window: Window, fills: list[Interpolation], rows: slice
+) -> tuple[Array, Array]:
+    """Rates and forces (N, 3) of `current` with the fills in the rows of the stretch, as `_with_fills` describes."""
+    edges, part = window.time[window.first : window.last + 1], slice(window.first, window.last)
+    values = np.stack([f.values for f in fills], axis=1)
+    change = np.where(window.observed[part], 0.0, values - window.readings[part]) @ window.axes
+    total = np.concatenate((np.zeros((1, 6)), np.cumsum(change * np.diff(edges)[:, None], axis=0)))
+    ends = np.clip(base.edges[rows.start : rows.stop + 1], edges[0], edges[-1])
+    means = np.stack([np.interp(ends, edges, c) for c in total.T], axis=1)
+    rate_change, force_change = np.split(np.diff(means, axis=0) / base.interval[rows, None], 2, axis=1)
+    rate, force = current.angular_rate.copy(), current.specific_force.copy()
+    rate[rows] += rate_change
+    arms = [lever_arm_acceleration(base.interval, w, base.position, base.unit) for w in (rate, current.angular_rate)]
+    rates_read = ~np.any(base.rate_fill_sigma[rows] > 0.0, axis=1, keepdims=True)
+    # where rates are lost, the window has the force at the place of the IMU
+    force[rows] += force_change + np.where(rates_read, (arms[0] - arms[1])[rows], 0.0)
+    return rate, force
 
-    Independent errors along the body axes are not smaller than the error along the lost axis (`variance_factors`).
+
+def _has_single_axis(axes: Array) -> bool:
+    """Whether the first one of a triad's axes in a window, rows (3, 3), is lost alone: the others are body axes."""
+    return not np.array_equal(axes, np.eye(3))
+
+
+def _along_body(fills: list[Interpolation], axes: Array) -> list[Interpolation]:
+    """Fills of a triad along its axes, rows (3, 3), as fills along the body axes.
+
+    Independent errors along the body axes are not smaller than the error along an axis that is lost alone
+    (`variance_factors`).
     """
+    if not _has_single_axis(axes):
+        return fills
     values, bound = np.stack([f.values for f in fills], axis=1) @ axes, variance_factors(axes[0])
     return [replace(fills[0], values=values[:, i], covariance=bound[i] * fills[0].covariance) for i in range(3)]
+
+
+def _sigma_of_samples(triad: list[Interpolation], window: Window, columns: slice, count: int, interval: float) -> Array:
+    """Sigma (3,) of independent errors of `count` samples, s apart, with the variance of the sum over the lost bins."""
+    part = slice(window.first, window.last)
+    bins, lengths = ~window.observed[part, columns].all(axis=1), np.diff(window.time[part.start : part.stop + 1])
+    if not bins.any() or not count:
+        return np.zeros(3)
+    restricted = [replace(f, values=f.values[bins], covariance=f.covariance[np.ix_(bins, bins)]) for f in triad]
+    noise, length = window.noise[part, columns.start][bins], float(np.median(lengths[bins]))
+    sigma = fill_sigma(restricted, noise, length, coning=columns == _RATE)
+    share = float(np.sum(lengths[bins])) / (np.count_nonzero(bins) * interval)
+    return np.asarray(np.sqrt(np.mean(sigma**2, axis=0) * np.count_nonzero(bins) / count) * share)
+
+
+def _tilt_variance(rates: list[Interpolation], window: Window) -> Array:
+    """Variance (3,) of the velocity change by filled rates where the forces are read, m²/s²; else zero."""
+    part = slice(window.first, window.last)
+    observed, interval = window.observed[part], float(np.median(np.diff(window.time[part.start : part.stop + 1])))
+    if observed[:, _RATE].all() or not observed[:, _FORCE].any():
+        return np.zeros(3)
+    sigma = fill_sigma(rates, window.noise[part, 0], interval, coning=True)
+    force = window.readings[part, _FORCE] @ window.axes[_FORCE, _FORCE]
+    return tilt_variance(rates, sigma, force, np.zeros_like(force), interval)

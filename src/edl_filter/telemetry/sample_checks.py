@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import pdtrc
 
 from edl_filter.telemetry.record import SampleFinding, finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
@@ -29,6 +30,13 @@ _USUAL_REPETITION = 0.02
 _HIGHEST_FORCE, _HIGHEST_RATE, MAX_ROTATION = 5e3, 50.0, 1.5
 #: Share of rows of zeros from which zero is what a simulation without noise gives.
 _MOST_ZERO = 0.9
+#: Relative difference up to which the extremes on both sides of zero are limits of one range.
+_SYMMETRIC = 1e-3
+#: Steps of the quantisation, or different values, from which the density at an extreme is taken.
+_QUANTA = 10
+#: Samples of a sine in the last step below its extreme, over the mean number of the next `_QUANTA` steps:
+#: 10 / (√11 - 1).
+_PEAK = 4.4
 #: Triads and axes of the readings' columns.
 CHANNELS = ("force x", "force y", "force z", "rate x", "rate y", "rate z")
 
@@ -222,21 +230,59 @@ def lost_readings(
     readings[repeated] = np.nan
     for column, name in enumerate(channels):
         values = readings[:, column].copy()
+        saturated = [(limit, True) for limit in _repeated_extremes(values, settings.false_alarm_probability)]
         for a, b in stuck_runs(values, settings.false_alarm_probability):
             nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
-            lowest, highest = np.nanmin(nearby), np.nanmax(nearby)
-            kind = "saturated" if values[a] in (lowest, highest) else "stuck"
-            lost = np.zeros(len(time), bool)
-            lost[a:b] = True
-            reading = None
-            if kind == "saturated":  # single samples at the limit, too
-                lost = (values == values[a]) & np.isfinite(readings[:, column])
-                farthest = highest if values[a] > 0.0 else lowest  # a range of an instrument is on both sides of zero
-                if values[a] == farthest and values[a] != 0.0:
-                    reading = _vector(values[a] * np.eye(3)[column % 3])
-            findings += [replace(f, limit=reading) for f in findings_of(imu, name, kind, lost, time, interval)]
+            if values[a] not in (np.nanmin(nearby), np.nanmax(nearby)):
+                lost = np.zeros(len(time), bool)
+                lost[a:b] = True
+                findings += findings_of(imu, name, "stuck", lost, time, interval)
+                readings[lost, column] = np.nan
+            else:
+                saturated += _limits(float(values[a]), nearby, values)
+        for value, is_limit in saturated:  # single samples at the limit, too
+            lost = (values == value) & np.isfinite(readings[:, column])
+            vector = _vector(value * np.eye(3)[column % 3]) if is_limit else None
+            axis_findings = findings_of(imu, name, "saturated", lost, time, interval)
+            findings += [replace(f, limit=vector) for f in axis_findings]
             readings[lost, column] = np.nan
     return readings, findings
+
+
+def _repeated_extremes(values: Array, probability: float) -> list[float]:
+    """Lowest and highest value of an axis (N,) where they are the limits of a symmetric range, else nothing.
+
+    An axis that is saturated in single samples, at the peaks of an oscillation, has no run of equal values, but its
+    limits more often than values near them. Without saturation, the number of samples that have the extreme exactly is
+    Poisson distributed, at most with `_PEAK` times the mean number of the next `_QUANTA` steps of the quantisation,
+    since the density of a sine is greatest at its extreme, or, where the next `_QUANTA` values recur m times, with
+    2 m - 1: an oscillation without noise has its extreme twice in a period. The probability is that of both sides,
+    which are independent.
+    """
+    different, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    if len(different) <= 2 * _QUANTA or abs(different[0] + different[-1]) > _SYMMETRIC * different[-1]:
+        return []
+    quantum = float(np.diff(different).min())
+    by_chance = 1.0
+    for order in (slice(None), slice(None, None, -1)):
+        distance, count = np.abs(different[order] - different[order][0])[1:], counts[order]
+        in_steps = int(np.sum(count[1:][distance < (_QUANTA + 0.5) * quantum]))
+        expected = max(_PEAK * in_steps / _QUANTA, 2.0 * float(np.mean(count[1 : _QUANTA + 1])) - 1.0)
+        by_chance *= float(pdtrc(count[0] - 1, expected))
+    return [float(different[0]), float(different[-1])] if by_chance < probability else []
+
+
+def _limits(value: float, nearby: Array, values: Array) -> list[tuple[float, bool]]:
+    """Values at which an axis is saturated that repeats an extreme `value`, and whether they are limits of its range.
+
+    A range is on both sides of zero. Where the extreme of the other side is as far from zero, as on a symmetric range,
+    it is a limit, too, however short the axis has it.
+    """
+    if value == 0.0 or value != (np.nanmax(nearby) if value > 0.0 else np.nanmin(nearby)):
+        return [(value, False)]
+    other = float(np.nanmin(values) if value > 0.0 else np.nanmax(values))
+    symmetric = abs(other + value) <= _SYMMETRIC * abs(value)
+    return [(value, True), (other, True)] if symmetric else [(value, True)]
 
 
 def _improbable_zeros(readings: Array, probability: float) -> BoolArray:

@@ -4,8 +4,9 @@ Input: records of one or two IMUs in body axes. A shock is seen by both IMUs of 
 Method: with two IMUs, the difference between one and the other transferred to it is compared with its robust scale
 nearby; the IMU at fault is the one that leaves its own neighbours by as much, while the other one does not. With one
 IMU, and only while no parachute can shake the vehicle, a single sample that its four neighbours do not predict
-(cubic interpolation) although they predict each other, and a burst: a few samples that leave those around by several
-times what these vary by, and by more than thrusters do. Output: records with NaN in these samples, and the findings.
+(cubic interpolation) although they predict each other; near lost samples, one that the nearest known ones do not
+predict; and a burst: a few samples that leave those around by several times what these vary by, and by more than
+thrusters do. Output: records with NaN in these samples, and the findings.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
 from edl_filter.telemetry.resampling import samples_less_often
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, interpolation_error, runs
 from edl_filter.telemetry.transfer import transferred
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import Array, BoolArray, IntArray
 
 #: Samples of the running medians: of a signal's neighbourhood, and of its scale.
 _NEIGHBOURHOOD, _SCALE = 25, 81
@@ -41,6 +42,11 @@ _LONGEST_BURST, _SOUND_IN_BURST = 12, 2
 #: which a burst departs, and by how much more: force (m/s²; the attitude thrusters of entry vehicles give less than 1)
 #: and rate (rad/s).
 _NATURAL, _BURST_RATIO, _LEAST_BURST = 80.0, 5.0, {"force": 2.0, "rate": 0.1}
+#: Samples from a lost one within which another is tested by the nearest known ones, how often, since each that is bad
+#: falsifies its neighbours' predictions, and the share of a burst's least departure from which on it counts. On the
+#: rovers and ten other flights, with gaps of 1 to 8 samples at 18 000 places, the natural departures are at most 0.14
+#: of it in force and 0.13 in rate where they are more than 15 sigmas.
+_NEAR, _REPETITIONS, _LEAST_SHARE = 4, 4, 0.2
 _TRIADS = {"force": "specific_force", "rate": "angular_rate"}
 
 
@@ -83,7 +89,8 @@ def _one_pass(
             values = getattr(record, attribute)
             noise = record.force_noise if triad == "force" else record.rate_noise
             kinds = {
-                "spike": _single_spikes(values, noise, settings.spike_sigmas),
+                "spike": _single_spikes(values, noise, settings.spike_sigmas)
+                | _spikes_near_lost(values, noise, settings.spike_sigmas, _LEAST_SHARE * _LEAST_BURST[triad]),
                 "burst": _bursts(values, _LEAST_BURST[triad]),
             }
             kinds = {kind: bad & (record.time <= smooth_until) for kind, bad in kinds.items()}
@@ -150,6 +157,66 @@ def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
         remaining = np.max(np.abs(interpolation_error(without)) / scale[i], axis=1)
         bad[i] = np.all(remaining[max(0, j - 4) : j + 5] < max(5.0, 0.05 * ratio[i]))
     return bad
+
+
+def _spikes_near_lost(values: Array, noise: Array, sigmas: float, least: float) -> BoolArray:
+    """Samples (N,) near lost ones that the cubic through the two nearest known ones on each side does not predict.
+
+    A bad sample falsifies the predictions of its neighbours. Of those that are not predicted, the one is bad without
+    which the others are predicted best.
+    """
+    bad = np.zeros(len(values), bool)
+    known = finite_rows(values)
+    for _ in range(_REPETITIONS if not known.all() else 0):
+        suspected = np.flatnonzero(_ratios_near_lost(values, known, noise, least) > sigmas)
+        if not len(suspected):
+            break
+        rank = np.cumsum(known)[suspected]
+        for group in np.split(suspected, np.flatnonzero(np.diff(rank) > 2 * _NEAR) + 1):
+            part = slice(max(0, group[0] - _SCALE), group[-1] + _SCALE)
+            remaining = []
+            for k in group.tolist():
+                without = known.copy()
+                without[k] = False
+                remaining.append(float(np.max(_ratios_near_lost(values[part], without[part], noise[part], least))))
+            bad[group[np.argmin(remaining)]] = True
+        known = known & ~bad
+    return bad
+
+
+def _ratios_near_lost(values: Array, known: BoolArray, noise: Array, least: float) -> Array:
+    """Departures (N,) of samples near lost ones, in robust sigmas; zero where they are less than `least`."""
+    ratio, rows = np.zeros(len(values)), np.flatnonzero(known)
+    near = np.convolve(~known, np.ones(2 * _NEAR + 1), mode="same")[rows] > 0.5
+    order = np.flatnonzero(near[2:-2]) + 2
+    place, stencil = rows[order], rows[order[:, None] + np.array([-2, -1, 1, 2])] - rows[order][:, None]
+    weight = _cubic_weights(stencil)
+    error = values[place] - np.einsum("ij,ijk->ik", weight, values[place[:, None] + stencil])
+    for k in np.flatnonzero(np.any(np.abs(error) > least, axis=1)).tolist():
+        scale = _scale_of_stencil(values, known, place[k], stencil[k], weight[k]) + noise[place[k]]
+        ratio[place[k]] = np.max(np.abs(error[k]) / scale)
+    return ratio
+
+
+def _cubic_weights(stencil: IntArray) -> Array:
+    """Weights (M, 4) of values at the places (M, 4), in samples from the one that the cubic through them predicts."""
+    weight = np.ones(stencil.shape)
+    for i in range(4):
+        for j in range(4):
+            if i != j:
+                weight[:, i] *= stencil[:, j] / (stencil[:, j] - stencil[:, i])
+    return weight
+
+
+def _scale_of_stencil(values: Array, known: BoolArray, place: int, stencil: IntArray, weight: Array) -> Array:
+    """Robust sigma (3,) of what a stencil does not predict, over the samples around that have all its values."""
+    reach = _SCALE // 2
+    around = np.arange(max(-stencil[0], place - reach), min(len(values) - stencil[-1], place + reach + 1))
+    around = around[(around != place) & known[around] & np.all(known[around[:, None] + stencil], axis=1)]
+    if len(around) < reach // 2:
+        return np.full(3, np.inf)
+    error = values[around] - np.einsum("j,ijk->ik", weight, values[around[:, None] + stencil])
+    return np.asarray(_MAD * np.median(np.abs(error), axis=0))
 
 
 def _bursts(values: Array, least: float) -> BoolArray:

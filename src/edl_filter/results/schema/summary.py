@@ -329,10 +329,11 @@ class RecoverySummary(Content):
         "null: nothing removes the contradiction"
     )
     size: Number = key(
-        "share of the variation of force and rate that was added to the samples, or factor of the entry state's sigmas"
+        "share of the variation of force and rate that was added to the samples, or factor of the sigmas of filled "
+        "samples or of the entry state"
     )
-    force_noise_m_s2: Number = key("noise added to the specific force of one sample, m/s^2")
-    rate_noise_rad_s: Number = key("noise added to the angular rate of one sample, rad/s")
+    force_noise_m_s2: Number = key("noise added to the specific force of one sample, rms, m/s^2")
+    rate_noise_rad_s: Number = key("noise added to the angular rate of one sample, rms, rad/s")
     start_s: Number = key("first time that has it, s since the epoch; null where nothing was added")
     end_s: Number = key("last time that has it, s since the epoch; null where nothing was added")
     gain_nats: Number = key("change of the log likelihood of the constraints, nats")
