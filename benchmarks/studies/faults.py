@@ -329,6 +329,84 @@ def swapped(data: Samples, _: int, _rng: np.random.Generator) -> None:
         data[key] = data[key][:, [0, 2, 1]]
 
 
+def randomly_lost(share: float, count: int) -> Fault:
+    """Of `count` samples, a share is missing at random."""
+
+    def change(data: Samples, i: int, rng: np.random.Generator) -> Samples:
+        lost = np.zeros(len(data["time"]), bool)
+        lost[i : i + count] = rng.uniform(size=count) < share
+        return {key: values[~lost] for key, values in data.items()}
+
+    return change
+
+
+def many_gaps(data: Samples, _: int, rng: np.random.Generator) -> Samples:
+    """Twenty gaps of up to nine samples."""
+    lost = np.zeros(len(data["time"]), bool)
+    for first in rng.integers(400, 2000, 20):
+        lost[first : first + rng.integers(1, 10)] = True
+    return {key: values[~lost] for key, values in data.items()}
+
+
+def repeated_spikes(size: float, step: int, count: int) -> Fault:
+    """Up to `count` spikes in the force, `step` samples apart."""
+
+    def change(data: Samples, i: int, rng: np.random.Generator) -> None:
+        for row in range(i, len(data["time"]) - 400, step)[:count]:
+            data[FORCE][row, rng.integers(3)] += size
+
+    return change
+
+
+def replayed(count: int) -> Fault:
+    """The readings of the last `count` samples come again with new times."""
+
+    def change(data: Samples, i: int, _: np.random.Generator) -> None:
+        for key in (FORCE, RATE):
+            data[key][i : i + count] = data[key][i - count : i]
+
+    return change
+
+
+def held(count: int, steps: int) -> Fault:
+    """Each reading is repeated for `steps` samples."""
+
+    def change(data: Samples, i: int, _: np.random.Generator) -> None:
+        rows = i + np.arange(count) // steps * steps
+        for key in (FORCE, RATE):
+            data[key][i : i + count] = data[key][rows]
+
+    return change
+
+
+def scaled_for(key: str, factor: float, axis: int, count: int) -> Fault:
+    """An axis is multiplied for `count` samples."""
+
+    def change(data: Samples, i: int, _: np.random.Generator) -> None:
+        data[key][i : i + count, axis] *= factor
+
+    return change
+
+
+def offset_for(key: str, offset: float, axis: int, count: int) -> Fault:
+    """An axis has an offset for `count` samples."""
+
+    def change(data: Samples, i: int, _: np.random.Generator) -> None:
+        data[key][i : i + count, axis] += offset
+
+    return change
+
+
+def limited_rates(share: float) -> Fault:
+    """Each gyro is limited to a share of its largest rate before the parachute, on both sides of zero."""
+
+    def change(data: Samples, i: int, _: np.random.Generator) -> None:
+        limit = share * np.abs(data[RATE][data["time"] < 250.0]).max(axis=0)
+        data[RATE] = np.clip(data[RATE], -limit, limit)
+
+    return change
+
+
 SAMPLE_FAULTS: dict[str, Fault] = {
     "none": lambda data, i, rng: None,
     "spike in force": spike(FORCE, 1000.0),
@@ -541,6 +619,20 @@ FAULTS: dict[str, FileFault] = {
     "gyros lost for 10 s": imu(without_rates(80), "primary"),
     "force stuck for 20 s": imu(stuck(FORCE, 160), "primary"),
     "rate stuck for 20 s": imu(stuck(RATE, 160), "primary"),
+    "30 % lost for 240 samples": imu(randomly_lost(0.3, 240), "primary"),
+    "20 gaps": imu(many_gaps, "primary"),
+    "small spikes": imu(repeated_spikes(0.5, 40, 10), "primary"),
+    "spikes to the end": imu(repeated_spikes(50.0, 60, 1000), "primary"),
+    "burst of 20 in force": imu(spike(FORCE, 300.0, 20), "primary"),
+    "burst of 20 in rate": imu(spike(RATE, 1.0, 20), "primary"),
+    "small burst": imu(spike(FORCE, 3.0, 6), "primary"),
+    "replayed": imu(replayed(80), "primary"),
+    "held": imu(held(80, 4), "primary"),
+    "sign of a force for 24 samples": imu(scaled_for(FORCE, -1.0, 0, 24), "primary"),
+    "sign of a rate for 24 samples": imu(scaled_for(RATE, -1.0, 1, 24), "primary"),
+    "force offset for 8 samples": imu(offset_for(FORCE, 1.0, 2, 8), "primary"),
+    "rate offset for 8 samples": imu(offset_for(RATE, 0.05, 1, 8), "primary"),
+    "limited rates": imu(limited_rates(0.6), "primary"),
 }
 
 
