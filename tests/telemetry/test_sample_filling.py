@@ -18,6 +18,7 @@ from edl_filter.telemetry.sample_filling import (
     ACROSS_OPENING,
     BY_AUTOREGRESSION,
     _drag_before,
+    _shortening,
     filled,
     tilt_variance,
     with_limits,
@@ -180,6 +181,25 @@ def test_the_variance_by_tilt_is_that_of_drawn_rates():
     linear = np.sum((weight * rate_sigma[0, 1]) ** 2)
     assert variance[0] == 0.0
     np.testing.assert_allclose(variance[1:] + linear, np.mean(np.square(change), axis=0), rtol=0.15)
+
+
+def test_a_force_that_is_turned_is_shorter_by_the_square_of_drawn_angles(builtin_flight):
+    """Filled rates with independent errors about y and z, and the readings for 2 s after them."""
+    record, rng = read_flight_file(builtin_flight).driving, np.random.default_rng(5)
+    force = np.tile([-40.0, 0.0, 0.0], (len(record), 1))
+    lost = np.isin(np.arange(len(record)), [2000, 2001, 2004, 2100])  # 12 s apart: two groups
+    sigma = np.where(lost[:, None], [0.0, 0.9, 0.5], 7.0)
+    variance = _shortening(record, force, sigma, lost)
+    np.testing.assert_array_equal(np.flatnonzero(variance[:, 0]), np.flatnonzero(lost))
+    np.testing.assert_array_equal(variance[:, 1:], 0.0)
+    shortened = []
+    for _ in range(4000):
+        rate = np.where(lost[2000:2021, None], rng.normal(size=(21, 2)) * [0.9, 0.5], 0.0)
+        angle = np.linalg.norm(np.cumsum(0.125 * rate, axis=0), axis=1)
+        shortened.append(np.sum(0.125 * 40.0 * (1.0 - np.cos(angle))))
+    expected = np.sqrt(np.mean(np.square(shortened)))
+    stated = 0.125 * np.sqrt(variance[2000:2005, 0].sum())
+    assert expected < 1.05 * stated < 1.3 * expected  # errors of successive samples add up at most
 
 
 def test_the_drag_of_a_full_canopy_is_extrapolated_as_it_decelerates():

@@ -122,6 +122,11 @@ def filled(
                     interval, force_sigma = float(record.interval[a]), sigmas["force"][rows]
                     tilt = tilt_variance(fills, sigmas["rate"][rows], values["force"][rows], force_sigma, interval)
                     sigmas["force"][rows] = np.sqrt(force_sigma**2 + tilt / len(force_sigma) / interval**2)
+        if triad == "rate":
+            alone = lost["rate"] & (record.time > parachute)
+            sigmas["force"] = np.sqrt(
+                sigmas["force"] ** 2 + _shortening(record, values["force"], sigmas["rate"], alone)
+            )
     changed = np.any(sigmas["rate"] > 0.0, axis=1)
     complete = replace(
         record,
@@ -313,6 +318,27 @@ def tilt_variance(
             excess = float(weight @ covariance @ weight) - float(np.sum((weight * rate_sigma[:, axis]) ** 2))
             out[lateral] += max(excess, 0.0) + mean_square * interval**2 * float(np.sum(force_sigma[:, other] ** 2))
     return out
+
+
+def _shortening(record: ImuRecord, force: Array, rate_sigma: Array, filled: BoolArray) -> Array:
+    """Variance (N, 3) of forces, at filled rates under the canopy, by which a force that is turned is shorter.
+
+    An attitude that is wrong by θ changes the force along an axis by ``-½ θ² f``, with θ across it, which no linear
+    propagation has. Of normal angles with the sigmas a and b about the two other axes, the mean square of ``½ θ²`` is
+    ``¼ (a² + b²)² + ½ (a⁴ + b⁴)``. The angles grow over a group of filled samples, not more than `_FULL` apart, and
+    remain for `_FULL` after it; from then on the filter's own sigma points have them. The error is common to the group.
+    """
+    variance = np.zeros_like(force)
+    rows = np.flatnonzero(filled)
+    for group in np.split(rows, np.flatnonzero(np.diff(record.time[rows]) > _FULL) + 1) if len(rows) else []:
+        part = slice(group[0], int(np.searchsorted(record.time, record.time[group[-1]] + _FULL)))
+        interval = record.interval[part, None]
+        angle = np.cumsum(np.where(filled[part, None], (rate_sigma[part] * interval) ** 2, 0.0), axis=0)
+        across = np.stack([np.delete(angle, axis, axis=1) for axis in range(3)], axis=2)  # (n, 2, 3)
+        mean_square = 0.25 * np.sum(across, axis=1) ** 2 + 0.5 * np.sum(across**2, axis=1)
+        change = np.sum(np.sqrt(mean_square) * np.abs(force[part]) * interval, axis=0)
+        variance[group] = change**2 / len(group) / np.mean(record.interval[group]) ** 2
+    return variance
 
 
 def _neighbours(record: ImuRecord, a: int, b: int) -> tuple[BoolArray, int, int]:
