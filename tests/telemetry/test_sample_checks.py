@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from edl_filter.telemetry.sample_checks import (
     CheckSettings,
+    _repeated_extremes,
     in_body_axes,
     interpolation_error,
     lost_readings,
@@ -112,6 +113,18 @@ def test_extremes_of_a_sound_axis_are_no_limits(seed, step, shape):
     readings = np.random.default_rng(0).standard_normal((len(values), 6))
     readings[:, 2] = values
     assert [f for f in checked(readings)[1] if f.channel == "force z" and f.kind == "saturated"] == []
+
+
+@pytest.mark.parametrize("signal", [
+    0.1 * np.sin(2.0 * np.pi * 0.125 * np.arange(4000)),  # equal at its peaks only, elsewhere to rounding
+    np.clip(2.0 * np.sin(0.01 * np.arange(4000)), -1.0, 1.0),  # a command that is limited for seconds
+    np.where(np.arange(4000) % 50 == 0, 1.0, np.random.default_rng(4).uniform(-1.0, 0.9, 4000)),  # one side only
+])  # fmt: skip
+def test_values_that_recur_for_another_reason_are_no_limits(signal):
+    readings = np.random.default_rng(0).standard_normal((4000, 6))
+    readings[:, 3] = signal
+    readings[7, 3] = -readings[:, 3].max()
+    assert _repeated_extremes(readings[:, 3], 1e-6) == []
 
 
 def test_a_sample_is_interpolated_as_the_cubic_through_its_four_neighbours():

@@ -6,10 +6,12 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from scipy.ndimage import median_filter
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
+from edl_filter.telemetry import spikes
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import repaired, without_samples
@@ -258,6 +260,43 @@ def test_two_neighbours_that_are_wrong_are_found(corrupted):
     telemetry = repaired(alone(corrupted(with_burst(RATE, np.array([1.5, -0.08]), 1))), parachute=252.75)
     assert {f.channel for f in telemetry.findings} == {"rate"}
     np.testing.assert_array_equal(np.flatnonzero(telemetry.driving.filled), [FIRST, FIRST + 1])
+
+
+@pytest.mark.parametrize("scale", [6.0, 12.0, 25.0])
+def test_a_smooth_peak_is_no_burst(scale):
+    """A steep entry, sampled seldom: the deceleration leaves its median over 25 samples by curvature alone."""
+    n = np.arange(400)
+    force = -300.0 * np.exp(-(((n - 200) / scale) ** 2))[:, None] * [1.0, 0.0, 0.01]
+    force += 3e-3 * np.random.default_rng(1).standard_normal(force.shape)
+    departure = np.abs(force - median_filter(force, (25, 1)))[:, 0]
+    assert departure.max() > 10.0
+    assert not spikes._bursts(force, 2.0).any()
+    assert spikes._bursts(np.where((np.abs(n - 150) < 3)[:, None], force + 40.0, force), 2.0).sum() == 5
+
+
+def test_without_a_deployment_no_burst_is_looked_for(builtin_flight):
+    """The parachute's shock and the landing would be some."""
+    telemetry = alone(read_flight_file(builtin_flight))
+    assert repaired(telemetry).findings == ()
+
+
+def test_spikes_near_many_lost_samples_are_found_one_by_one(builtin_flight):
+    """Every tenth sample is lost; spikes of different size in one flight do not make sound samples bad."""
+    record = read_flight_file(builtin_flight).driving
+    values = record.specific_force[:1900].copy()
+    values[::10] = np.nan
+    rows = np.array([802, 822, 862, 903, 1302])
+    values[rows, 2] += [5.0, 50.0, 5.0, -8.0, 20.0]
+    bad = spikes._spikes_near_lost(values, record.force_noise[:1900], 15.0, 1.0)
+    np.testing.assert_array_equal(np.flatnonzero(bad), rows)
+
+
+def test_thrusters_near_lost_samples_are_no_spikes(builtin_flight):
+    record = read_flight_file(builtin_flight).driving
+    values = record.specific_force[:1900].copy()
+    values[np.arange(1900) % 60 < 12, 1] += 0.9
+    values[::10] = np.nan
+    assert not spikes._spikes_near_lost(values, record.force_noise[:1900], 15.0, 1.0).any()
 
 
 def test_a_shock_after_the_parachute_is_no_burst(corrupted, builtin_flight):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from test_relative_calibration import two_records
 
 from edl_filter.imu_model.sensor_errors import apply_errors
@@ -51,3 +52,21 @@ def test_the_sigma_in_a_shock_contains_the_error_of_the_interpolation(builtin_fl
     assert np.max(np.abs(errors)) > 100.0 * driving.force_noise[0]
     assert np.abs(ratios).max() < 3.5
     assert np.sqrt(np.mean(np.square(ratios))) > 0.2
+
+
+@pytest.mark.parametrize("side", ["before", "after", "start"])
+def test_the_sigma_beside_a_shock_is_that_of_the_difference(side, builtin_flight):
+    """Ten times the stated noise in both IMUs: the interpolation's error in the shock hides none of it."""
+    telemetry, rng = read_flight_file(builtin_flight), np.random.default_rng(8)
+    deployed = telemetry.events["parachute_deploy"]
+    driving, checking = (
+        replace(r, specific_force=r.specific_force + 0.03 * rng.standard_normal(r.specific_force.shape))
+        for r in (telemetry.driving, telemetry.checking[0])
+    )
+    source = transferred(driving, checking, deployed - 1.0)
+    first, last = {"before": (deployed - 5.0, deployed - 0.5), "after": (deployed + 4.0, deployed + 9.0),
+                   "start": (0.3, 6.0)}[side]  # fmt: skip
+    rows = source.valid & (driving.time > first) & (driving.time < last)
+    ratio = (source.force - driving.specific_force)[rows] / source.force_scatter[rows]
+    assert 0.6 < np.sqrt(np.mean(ratio**2)) < 1.25
+    assert source.force_scatter[rows].min() > 0.03

@@ -11,7 +11,7 @@ size:
 - **process_noise**: all samples before the contradiction are, whatever the reason.
 
 The sigmas of filled samples and of the entry state are multiplied; those of filled samples, which are calibrated
-(docs/calibration.md), by 18 at most: with more, a few filled samples explain any error of the other ones. The noise of
+(docs/calibration.md), by 25 at most: with more, a few filled samples explain any error of the other ones. The noise of
 all samples, and of those that stand for lost ones without a sigma of their own, is increased by a share of how much
 force and rate vary over the flight up to the contradiction, which is what an unknown sample could be wrong by. The size
 maximises the likelihood of all constraints in the filter's own predictions (prediction-error decomposition: Harvey
@@ -61,7 +61,8 @@ class Recovery:
     cause : str or None
         ``gap``, ``entry_state`` or ``process_noise``; None: no change removes the contradiction.
     size : float
-        Share of the variation, or factor of the sigmas of filled samples or of the entry state.
+        Share of the variation, or factor of the sigmas of filled samples or of the entry state. Of a gap it is a factor
+        from 1 on, and a share up to 1 where the lost samples have no sigma of their own.
     force_noise, rate_noise : float
         Noise that was added to the samples, root mean square of all axes, m/s² and rad/s; zero for the entry state.
     start, end : float

@@ -222,8 +222,8 @@ class SampleFinding:
     interpolated : tuple of (float, float)
         Parts that no other IMU covers, from begin to end, s: filled from their neighbours.
     limit : tuple of three floats, optional
-        Of a saturated axis whose reading is the farthest from zero: this reading times the axis, m/s² or rad/s, body
-        axes.
+        Of a saturated axis whose reading is the farthest from zero, or its counterpart on the other side of a symmetric
+        range: this reading times the axis, m/s² or rad/s, body axes.
     """
 
     imu: str

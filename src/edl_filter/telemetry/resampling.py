@@ -182,8 +182,9 @@ def angular_acceleration_error(interval: Array, rate: Array, lower_reach: int = 
     """Error of angular accelerations that are interpolated between mean rates.
 
     The difference of an interpolation with `EDGE_REACH` samples on each side of an edge, of eighth order, and one with
-    fewer. It is large in a shock, and where the moment changes its slope inside a sample: at the nodes of an
-    aerodynamic table on a vehicle that swings far.
+    fewer, of equal samples of one instrument; beyond the ends the rates count as zero. It is large in a shock, and
+    where the moment changes its slope inside a sample: at the nodes of an aerodynamic table on a vehicle that swings
+    far.
 
     Parameters
     ----------

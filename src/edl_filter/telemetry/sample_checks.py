@@ -37,6 +37,8 @@ _QUANTA = 10
 #: Samples of a sine in the last step below its extreme, over the mean number of the next `_QUANTA` steps:
 #: 10 / (√11 - 1).
 _PEAK = 4.4
+#: Decimals, of the largest value, to which two readings are equal, and most samples of a peak at a limit.
+_DIGITS, _LONGEST_PEAK = 9, 3
 #: Triads and axes of the readings' columns.
 CHANNELS = ("force x", "force y", "force z", "rate x", "rate y", "rate z")
 
@@ -256,20 +258,23 @@ def _repeated_extremes(values: Array, probability: float) -> list[float]:
     limits more often than values near them. Without saturation, the number of samples that have the extreme exactly is
     Poisson distributed, at most with `_PEAK` times the mean number of the next `_QUANTA` steps of the quantisation,
     since the density of a sine is greatest at its extreme, or, where the next `_QUANTA` values recur m times, with
-    2 m - 1: an oscillation without noise has its extreme twice in a period. The probability is that of both sides,
-    which are independent.
+    2 m - 1: an oscillation without noise has both extremes once in a period and other values twice, or the reverse. The
+    probability of each side must be less than the root of the given one. Longer runs are judged by `stuck_runs`.
     """
-    different, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    finite = values[np.isfinite(values)]
+    rounded = np.round(finite / np.abs(finite).max(), _DIGITS) if finite.any() else finite  # recur to rounding
+    different, counts = np.unique(rounded, return_counts=True)
     if len(different) <= 2 * _QUANTA or abs(different[0] + different[-1]) > _SYMMETRIC * different[-1]:
         return []
     quantum = float(np.diff(different).min())
-    by_chance = 1.0
     for order in (slice(None), slice(None, None, -1)):
         distance, count = np.abs(different[order] - different[order][0])[1:], counts[order]
         in_steps = int(np.sum(count[1:][distance < (_QUANTA + 0.5) * quantum]))
         expected = max(_PEAK * in_steps / _QUANTA, 2.0 * float(np.mean(count[1 : _QUANTA + 1])) - 1.0)
-        by_chance *= float(pdtrc(count[0] - 1, expected))
-    return [float(different[0]), float(different[-1])] if by_chance < probability else []
+        longest = max(b - a for a, b in runs(rounded == different[order][0]))
+        if longest > _LONGEST_PEAK or pdtrc(count[0] - 1, expected) >= np.sqrt(probability):
+            return []
+    return [float(finite.min()), float(finite.max())]
 
 
 def _limits(value: float, nearby: Array, values: Array) -> list[tuple[float, bool]]:

@@ -9,8 +9,9 @@ be wrong (`ImuRecord.force_fill_sigma`), and what was done where.
 
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
 sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. What the
-calibration of two IMUs does not determine is common to all samples that are transferred, whose number is n then. The
-sigma of rates includes the coning of an oscillation whose phase is not known.
+calibration of two IMUs does not determine is common to all samples that are transferred, whose number is n then: a
+short stretch beside longer ones has a larger sigma than by itself. The sigma of rates includes the coning of an
+oscillation whose phase is not known.
 """
 
 from __future__ import annotations
@@ -210,9 +211,9 @@ def _remaining_difference(
 
 
 def _transfer_sigma(scatter: Array, noise: Array, common: Array) -> Array:
-    """Sigma (n, 3) of transferred samples beyond their noise (n,), from their scatter and a variance of common errors.
+    """Sigma (n, 3) of transferred samples beyond their noise (n,).
 
-    The variance (n, 3) is times the number of samples that have the errors in common.
+    Input: their scatter, and the variance of the common errors multiplied by the number of samples that share them.
     """
     return np.sqrt(np.maximum(scatter**2 - noise[:, None] ** 2, 0.25 * scatter**2) + common)
 

@@ -5,8 +5,9 @@ Method: with two IMUs, the difference between one and the other transferred to i
 nearby; the IMU at fault is the one that leaves its own neighbours by as much, while the other one does not. With one
 IMU, and only while no parachute can shake the vehicle, a single sample that its four neighbours do not predict
 (cubic interpolation) although they predict each other; near lost samples, one that the nearest known ones do not
-predict; and a burst: a few samples that leave those around by several times what these vary by, and by more than
-thrusters do. Output: records with NaN in these samples, and the findings.
+predict; and a burst: a few samples that jump from those before and after by several times what these vary by, and by
+more than thrusters do. Neither of the last two is tested if no parachute's time is known. Output: records with NaN in
+these samples, and the findings.
 """
 
 from __future__ import annotations
@@ -40,13 +41,15 @@ _RELATIVE = 0.02
 _LONGEST_BURST, _SOUND_IN_BURST = 12, 2
 #: Percentile of the departures from the running median that is taken for their natural size, the multiple of it by
 #: which a burst departs, and by how much more: force (m/s²; the attitude thrusters of entry vehicles give less than 1)
-#: and rate (rad/s).
-_NATURAL, _BURST_RATIO, _LEAST_BURST = 80.0, 5.0, {"force": 2.0, "rate": 0.1}
+#: and rate (rad/s). The share of its departure by which its first and last sample jump.
+_NATURAL, _BURST_RATIO, _LEAST_BURST, _JUMP = 80.0, 5.0, {"force": 2.0, "rate": 0.1}, 0.5
 #: Samples from a lost one within which another is tested by the nearest known ones, how often, since each that is bad
-#: falsifies its neighbours' predictions, and the share of a burst's least departure from which on it counts. On the
-#: rovers and ten other flights, with gaps of 1 to 8 samples at 18 000 places, the natural departures are at most 0.14
-#: of it in force and 0.13 in rate where they are more than 15 sigmas.
-_NEAR, _REPETITIONS, _LEAST_SHARE = 4, 4, 0.2
+#: falsifies its neighbours' predictions, and the share of a burst's least departure from which on it counts: a thruster
+#: that begins or ends leaves half of its force. On the rovers and ten other flights, with gaps of 1 to 8 samples at
+#: 18 000 places, departures of more than 15 sigmas are at most 0.28 m/s² and 0.013 rad/s.
+_NEAR, _REPETITIONS, _LEAST_SHARE = 4, 4, 0.5
+#: Known samples beyond which one does not affect the prediction of another.
+_REACH = 4
 _TRIADS = {"force": "specific_force", "rate": "angular_rate"}
 
 
@@ -88,12 +91,13 @@ def _one_pass(
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)
             noise = record.force_noise if triad == "force" else record.rate_noise
-            kinds = {
-                "spike": _single_spikes(values, noise, settings.spike_sigmas)
-                | _spikes_near_lost(values, noise, settings.spike_sigmas, _LEAST_SHARE * _LEAST_BURST[triad]),
-                "burst": _bursts(values, _LEAST_BURST[triad]),
-            }
-            kinds = {kind: bad & (record.time <= smooth_until) for kind, bad in kinds.items()}
+            kinds = {"spike": _single_spikes(values, noise, settings.spike_sigmas) & (record.time <= smooth_until)}
+            kinds["burst"] = np.zeros(len(record), bool)
+            if np.isfinite(smooth_until):
+                rows, least = record.time <= smooth_until, _LEAST_BURST[triad]
+                near = _spikes_near_lost(values[rows], noise[rows], settings.spike_sigmas, _LEAST_SHARE * least)
+                kinds["spike"][rows] |= near
+                kinds["burst"][rows] = _bursts(values[rows], least)
             if source is not None:
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
@@ -171,14 +175,18 @@ def _spikes_near_lost(values: Array, noise: Array, sigmas: float, least: float) 
         suspected = np.flatnonzero(_ratios_near_lost(values, known, noise, least) > sigmas)
         if not len(suspected):
             break
-        rank = np.cumsum(known)[suspected]
-        for group in np.split(suspected, np.flatnonzero(np.diff(rank) > 2 * _NEAR) + 1):
-            part = slice(max(0, group[0] - _SCALE), group[-1] + _SCALE)
+        rows, rank_of = np.flatnonzero(known), np.cumsum(known) - 1
+        for group in np.split(suspected, np.flatnonzero(np.diff(rank_of[suspected]) > _REACH) + 1):
+            first, last = (
+                rows[np.clip(rank_of[k] + n, 0, len(rows) - 1)] for k, n in ((group[0], -_REACH), (group[-1], _REACH))
+            )
+            part = slice(max(0, first - _SCALE), last + _SCALE)
             remaining = []
             for k in group.tolist():
                 without = known.copy()
                 without[k] = False
-                remaining.append(float(np.max(_ratios_near_lost(values[part], without[part], noise[part], least))))
+                ratio = _ratios_near_lost(values[part], without[part], noise[part], least)
+                remaining.append(float(np.max(ratio[first - part.start : last + 1 - part.start])))
             bad[group[np.argmin(remaining)]] = True
         known = known & ~bad
     return bad
@@ -220,24 +228,34 @@ def _scale_of_stencil(values: Array, known: BoolArray, place: int, stencil: IntA
 
 
 def _bursts(values: Array, least: float) -> BoolArray:
-    """Samples (N,) of short runs that leave those around by several times what these vary by.
+    """Samples (N,) of short runs that jump from those around by several times what these vary by.
 
     The departure of a sample is that from the running median, whose window is more than twice as long as a run. It is
     compared with a percentile of the departures nearby: for a vehicle that oscillates, about the amplitude. On rovers,
-    practice flights and 24 simulated flights no departure before the parachute exceeds 0.31 of the threshold.
+    practice flights and 24 simulated flights no departure before the parachute exceeds 0.31 of the threshold. A smooth
+    peak may: the first and the last sample of a run must also depart from the cubic through the two samples before and
+    the two after it, by half as much.
     """
     out = np.zeros(len(values), bool)
     rows = np.flatnonzero(finite_rows(values))
     if len(rows) < _SCALE:
         return out
-    departure = np.abs(values[rows] - _median(values[rows], _NEIGHBOURHOOD))
+    v = values[rows]
+    departure = np.abs(v - _median(v, _NEIGHBOURHOOD))
     natural = np.column_stack([percentile_filter(c, _NATURAL, _SCALE, mode="nearest") for c in departure.T])
-    beyond = np.any(departure > _BURST_RATIO * natural + least, axis=1)
+    excess = departure > _BURST_RATIO * natural + least
+    beyond = np.any(excess, axis=1)
     for a, b in runs(~beyond):
         if a > 0 and b < len(rows) and b - a <= _SOUND_IN_BURST:
             beyond[a:b] = True
     for a, b in runs(beyond):
-        out[rows[a:b]] = b - a <= _LONGEST_BURST
+        if b - a > _LONGEST_BURST or a < 2 or b + 2 > len(rows) or rows[b + 1] - rows[a - 2] > b - a + 3 + _NEAR:
+            continue  # it does not adjoin known samples on both sides
+        outside = np.array([a - 2, a - 1, b, b + 1])
+        ends = np.array([a, b - 1])
+        weight = _cubic_weights(rows[outside] - rows[ends][:, None])
+        jump = np.abs(v[ends] - weight @ v[outside])
+        out[rows[a:b]] = np.all(np.any(excess[ends] & (jump > _JUMP * departure[ends]), axis=1))
     return out
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, lever_arm_acceleration
 from edl_filter.imu_model.sensor_errors import remove_errors
 from edl_filter.telemetry.record import ImuRecord, finite_rows
 from edl_filter.telemetry.relative_calibration import relative_calibration
@@ -112,6 +112,7 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     moved = np.where(lost[:, None], 0.0, rate)
     force = force - lever_arm_acceleration(source.interval, moved, offset, source.unit)
     arm_error = np.abs(np.cross(angular_acceleration_error(source.interval, moved, _LOWER_REACH), offset))
+    arm_error[:EDGE_REACH] = arm_error[-EDGE_REACH:] = 0.0  # beyond the ends of the record are no rates
     edges = reference.edges + delay
     usable = covered(source, edges)
     integral = readings_integral(source, force, rate)
@@ -180,27 +181,29 @@ def _scatter(difference: Array, mean: Array, interpolation: Array, noise: Array)
     """Sigma (N, 3) of the errors that are independent between samples.
 
     The root of a sum of variances. The first is that of the interpolation (N, 3), times what the differences between
-    the two IMUs are of it in the flight, but not less than once. The second is the local variance of what remains of
-    the differences; where nothing is known nearby, that of the nearest samples that are known. In a shock, where the
-    means vary from sample to sample more than around, what remains is in the ratio to this variation that it has in the
-    flight's other shocks.
+    the two IMUs are of it in the flight, but not less than once. The second is the local variance of the differences in
+    samples in which the interpolation adds less than the noise; where none is nearby, of the nearest ones. In a
+    shock, where the means vary from sample to sample more than around, what remains of the differences is in the ratio
+    to this variation that it has in the flight's other shocks.
     """
     known = finite_rows(difference)
     if not known.any():
         return np.sqrt(2.0 * noise[:, None] ** 2 + interpolation**2)
-    rows = np.flatnonzero(known)
     variance = interpolation**2
-    fourth_power = np.sum(variance[rows] ** 2)
+    fourth_power = np.sum(variance[known] ** 2)
     if fourth_power > 0.0:
-        variance = variance * max(np.sum(difference[rows] ** 2 * variance[rows]) / fourth_power, 1.0)
-    remaining = difference[rows] ** 2 - variance[rows]
-    sums = [np.concatenate((np.zeros((1, 3)), np.cumsum(v, axis=0))) for v in (difference[rows], remaining)]
+        variance = variance * max(np.sum(difference[known] ** 2 * variance[known]) / fourth_power, 1.0)
+    smooth = known & np.all(variance <= noise[:, None] ** 2, axis=1)
+    rows = np.flatnonzero(smooth if np.count_nonzero(smooth) >= _SCATTER_REACH else known)
+    powers = (difference[rows], difference[rows] ** 2)
+    sums = [np.concatenate((np.zeros((1, 3)), np.cumsum(power, axis=0))) for power in powers]
     middle = np.searchsorted(rows, np.arange(len(difference)))
     first, last = np.maximum(middle - _SCATTER_REACH, 0), np.minimum(middle + _SCATTER_REACH, len(rows))
     local, mean_square = ((total[last] - total[first]) / np.maximum(last - first, 1)[:, None] for total in sums)
     variation = _shock(np.nan_to_num(mean))
-    power = np.sum(variation[rows] ** 4)
-    share = max(np.sum(np.mean(remaining, axis=1) * variation[rows] ** 2), 0.0) / power if power > 0.0 else 0.0
+    power = np.sum(variation[known] ** 4)
+    remaining = np.mean(np.maximum(difference[known] ** 2 - variance[known], 0.0), axis=1)
+    share = np.sum(remaining * variation[known] ** 2) / power if power > 0.0 else 0.0
     shock = min(share, 1.0) * variation[:, None] ** 2
     return np.sqrt(np.maximum(mean_square - local**2, noise[:, None] ** 2) + variance + shock)
 

@@ -329,11 +329,11 @@ class RecoverySummary(Content):
         "null: nothing removes the contradiction"
     )
     size: Number = key(
-        "share of the variation of force and rate that was added to the samples, or factor of the sigmas of filled "
-        "samples or of the entry state"
+        "share of the variation of force and rate that was added to the samples, or factor of the entry state's sigmas "
+        "or of those of filled samples (where they have any)"
     )
-    force_noise_m_s2: Number = key("noise added to the specific force of one sample, rms, m/s^2")
-    rate_noise_rad_s: Number = key("noise added to the angular rate of one sample, rms, rad/s")
+    force_noise_m_s2: Number = key("noise added to the specific force of one sample, rms of those changed, m/s^2")
+    rate_noise_rad_s: Number = key("noise added to the angular rate of one sample, rms of those changed, rad/s")
     start_s: Number = key("first time that has it, s since the epoch; null where nothing was added")
     end_s: Number = key("last time that has it, s since the epoch; null where nothing was added")
     gain_nats: Number = key("change of the log likelihood of the constraints, nats")
