@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from edl_filter.types import Array, BoolArray
 
@@ -181,47 +182,59 @@ def _fill(
     observed ones, or given those that are `given` alone.
     """
     given = observed if given is None else given
-    if len(series) <= order:
-        return None
-    lagged = np.lib.stride_tricks.sliding_window_view(series, order + 1)  # row t: series[t : t + order + 1]
-    complete = np.lib.stride_tricks.sliding_window_view(observed, order + 1).all(axis=1)
-    rows = np.flatnonzero(complete)
-    if fitted is not None:
-        rows = rows[(rows >= fitted.start) & (rows + order < fitted.stop)]
-    if len(rows) < _FEWEST_EQUATIONS * (order + 1):
-        return None
-    design = np.column_stack((lagged[rows, :order], np.ones(len(rows))))
-    target = lagged[rows, order]
-    information = design.T @ design
-    information[np.diag_indices(order + 1)] += _RIDGE * np.trace(information) / (order + 1)
-    coefficients = np.linalg.solve(information, design.T @ target)
-    residual = target - design @ coefficients
-    excess = len(rows) / (len(rows) - order - 1.0)
-    floor = _LEAST_VARIANCE + 1e-6 * excess * float(np.mean(residual**2))
-    variances = [
-        excess * float(np.mean(side**2)) + floor if len(side) > order + 1 else np.nan
-        for side in (residual[rows + order < first], residual[rows >= last])
-    ]
-    deviation = float(np.sqrt(np.nanmax(variances)))
-    # equations with a missing value: from the first one to the last one that contains it
+    begin, end = (0, len(series)) if fitted is None else (fitted.start, fitted.stop)
+    possible, values, covariance = _most_probable(series, observed, given, first, last, order, begin, end)
+    return (values, covariance) if possible else None
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _most_probable(
+    series: Array, observed: BoolArray, given: BoolArray, first: int, last: int, order: int, begin: int, end: int
+) -> tuple[bool, Array, Array]:
+    """Whether ``series[begin:end]`` has enough equations; values and covariance of the stretch as of `_fill`."""
     length = last - first
-    start, stop = max(0, first - order), min(len(lagged), last)
-    equations = np.arange(start, stop)
-    usable = np.array([given[t : min(t + order + 1, first)].all() and given[max(t, last) : t + order + 1].all()
-                       for t in equations])  # fmt: skip
-    equations = equations[usable]
-    weights = np.concatenate((-coefficients[:order], [1.0]))
-    matrix = np.zeros((len(equations), length))
-    offset = np.full(len(equations), -coefficients[order])
+    values, covariance = np.zeros(length), np.zeros((length, length))
+    design, target = np.empty((max(end - begin - order, 0), order + 1)), np.empty(max(end - begin - order, 0))
+    latest = np.empty(len(target), np.int64)  # index of the value that an equation predicts
+    count, complete = 0, 0
+    for t in range(begin, end):
+        complete = complete + 1 if observed[t] else 0
+        if complete > order:
+            design[count, :order], design[count, order] = series[t - order : t], 1.0
+            target[count], latest[count] = series[t], t
+            count += 1
+    if count < _FEWEST_EQUATIONS * (order + 1):
+        return False, values, covariance
+    design, target, latest = design[:count], target[:count], latest[:count]
+    information = design.T @ design
+    ridge = _RIDGE * np.trace(information) / (order + 1)
     for k in range(order + 1):
-        column = equations + k - first
-        inside = (column >= 0) & (column < length)
-        matrix[np.flatnonzero(inside), column[inside]] += weights[k]
-        offset[~inside] += weights[k] * series[equations[~inside] + k]
-    matrix, offset = matrix / deviation, offset / deviation
-    information = matrix.T @ matrix
-    information[np.diag_indices(length)] += 1e-6  # the series has unit variance: its values are within hundreds
-    values, vectors = np.linalg.eigh(information)
-    root = vectors / np.sqrt(np.maximum(values, 1e-13 * values[-1]))
+        information[k, k] += ridge
+    coefficients = np.linalg.solve(information, design.T @ target)
+    squares = (target - design @ coefficients) ** 2
+    excess = count / (count - order - 1.0)
+    # innovations before and after the stretch: the larger variance counts
+    variance = 0.0
+    for side in (squares[latest < first], squares[latest >= last + order]):
+        if len(side) > order + 1:
+            variance = max(variance, excess * float(np.mean(side)))
+    deviation = np.sqrt(variance + _LEAST_VARIANCE + 1e-6 * excess * np.mean(squares))
+    # equations with a missing value: from the first one to the last one that contains it
+    weights = np.append(-coefficients[:order], 1.0) / deviation
+    information = 1e-6 * np.eye(length)  # the series has unit variance: its values are within hundreds
+    moment, row = np.zeros(length), np.zeros(length)
+    for t in range(max(0, first - order), min(len(series) - order, last)):
+        usable, offset = True, -coefficients[order] / deviation
+        for k in range(order + 1):
+            if not first <= t + k < last:
+                usable = usable and given[t + k]
+                offset += weights[k] * series[t + k]
+        if usable:
+            a, b = max(t, first), min(t + order + 1, last)  # the missing values that the equation contains
+            row = weights[a - t : b - t]
+            information[a - first : b - first, a - first : b - first] += np.outer(row, row)
+            moment[a - first : b - first] += offset * row
+    eigenvalues, vectors = np.linalg.eigh(information)
+    root = vectors / np.sqrt(np.maximum(eigenvalues, 1e-13 * eigenvalues[-1]))
     covariance = root @ root.T
-    return -covariance @ (matrix.T @ offset), 0.5 * (covariance + covariance.T)
+    return True, -covariance @ moment, 0.5 * (covariance + covariance.T)
