@@ -1,13 +1,17 @@
 """Hypotheses on the input: each repair removes the error that its sentence states."""
 
+import shutil
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from faulty_telemetry import SWAP_XY, turned, with_altimeter
 
 from edl_filter import rotations
+from edl_filter.mission import Mission
 from edl_filter.pipeline.fault_hypotheses import errors_of_one_number, exchange_text, fault_hypotheses, sign_text
+from edl_filter.pipeline.load import read_telemetry
 
 
 def late(telemetry, **by):
@@ -30,7 +34,7 @@ def assert_same(repaired, telemetry):
 @pytest.mark.parametrize(
     ("words", "error"),
     [
-        ("the specific force is in ft/s^2", lambda t: turned(t, np.eye(3) / 0.3048, "specific_force")),
+        ("the specific force of IMU primary is in ft/s^2", lambda t: turned(t, np.eye(3) / 0.3048, "specific_force")),
         ("the angular rate was multiplied by 0.01745", lambda t: turned(t, np.eye(3) * np.pi / 180, "angular_rate")),
         ("the altimeter is in km", lambda t: with_altimeter(t, t.altimeter.height * (1e-3 - 1.0))),
         ("x and y exchanged in the gyros, axes of the body", lambda t: turned(t, SWAP_XY, "angular_rate")),
@@ -57,6 +61,32 @@ def test_a_repair_removes_the_error_of_its_sentence(inputs, words, error):
     faulty = error(telemetry)
     repair = next(h.repair for h in fault_hypotheses(mission, faulty) if words in h.sentence)
     assert_same(repair(faulty), telemetry)
+
+
+@pytest.mark.parametrize(
+    ("imus", "owner"), [(("primary",), " of IMU primary"), (("primary", "secondary"), "")], ids=["one", "both"]
+)
+def test_a_record_with_repaired_samples_is_read_again_in_the_unit_of_the_hypothesis(
+    imus, owner, builtin_flight, tmp_path
+):
+    """In deg/s most rates are beyond the limit of a sample, so that their repair cannot be scaled."""
+    path = shutil.copy(builtin_flight, tmp_path)
+    with h5py.File(path, "a") as file:
+        for imu in imus:
+            file[f"imu/{imu}/angular_rate"][...] = np.degrees(file[f"imu/{imu}/angular_rate"][...])
+    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])
+    truth = read_telemetry(Mission.load("builtin:practice_mer", [f"telemetry.path={builtin_flight}"]))
+    records = [turned(truth, np.eye(3) / np.radians(1.0), "angular_rate").driving, *truth.checking]
+    if len(imus) == 2:
+        records[1] = replace(records[1], angular_rate=np.degrees(records[1].angular_rate))
+    records[0].rate_fill_sigma[800] = 0.1  # a sample that was repaired
+    faulty = replace(truth, driving=records[0], checking=tuple(records[1:]))
+    units = {h.sentence: h.repair for h in fault_hypotheses(mission, faulty) if h.kind == "units"}
+    repaired = units[f"units, the angular rate{owner} is in deg/s"](faulty)
+    assert not any(r.filled.any() for r in (repaired.driving, *repaired.checking))
+    for record, true in zip((repaired.driving, *repaired.checking), (truth.driving, *truth.checking), strict=True):
+        np.testing.assert_allclose(record.angular_rate, true.angular_rate, atol=1e-12)
+        np.testing.assert_array_equal(record.specific_force, true.specific_force)
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,35 @@ def test_bands_are_those_of_sampled_noise():
         assert np.sqrt(np.mean((scatter / stated) ** 2)) == pytest.approx(1.0, abs=0.15), name
 
 
+def test_coefficients_of_forces_or_moments_that_no_imu_has_read_are_not_measured():
+    """The others, and those of all other samples, are the same to the bit; averages and angles leave them out."""
+    inputs = flight()
+    read = np.ones((len(inputs.time), 3), bool)
+    read[800:900] = False
+    whole = derive(inputs)
+    for key, names in (("force_read", ("CA", "CN", "CY")), ("rate_read", ("Cl", "Cm", "Cn"))):
+        part = derive(replace(inputs, **{key: read}))
+        for case, other in ((part.flight, whole.flight), (part.preflight, whole.preflight)):
+            used = read[: len(part.time), 0]
+            for name in METHODS:
+                expected = np.where(used, other.coefficients.value[name], np.nan)
+                unread = expected if name in names else other.coefficients.value[name]
+                np.testing.assert_array_equal(case.coefficients.value[name], unread)
+                assert np.array_equal(np.isnan(case.coefficients.sigma(name)), np.isnan(unread))
+            from_lost = case.forces if key == "force_read" else case.moments
+            assert np.isnan(from_lost.alpha_total[~used]).all()
+            np.testing.assert_array_equal(case.atmosphere.density, other.atmosphere.density)
+        assert all(np.isfinite(change.mean) for change in part.changes)
+
+
+def test_only_the_coefficients_of_an_axis_that_is_not_read_are_not_measured():
+    inputs, read = flight(), np.ones((len(flight().time), 3), bool)
+    read[800:900, 2] = False
+    values = derive(replace(inputs, force_read=read, rate_read=read)).flight.coefficients.value
+    assert [name for name in METHODS if np.isnan(values[name][800:900]).all()] == ["CN", "Cn"]
+    assert all(np.isfinite(values[name][800:900]).all() for name in METHODS if name not in ("CN", "Cn"))
+
+
 def test_bad_input():
     i = flight()
     with pytest.raises(InputError, match="not positive definite"):

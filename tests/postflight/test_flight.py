@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from edl_filter.mission import Mission
+from edl_filter.pipeline.load import prepare_telemetry
+from edl_filter.pipeline.reconstruct import FlightInputs, reconstruct
 from edl_filter.postflight.airdata import air_data
 from edl_filter.postflight.flight import derive_flight, postflight_inputs
 from edl_filter.results.postflight import summary
+from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.sample_checks import findings_of
 
 
 def derived(flight, *overrides):
@@ -44,6 +48,28 @@ def test_sigmas_of_products_of_inertia_widen_the_bands_of_the_moments(practice_0
     before, after = (np.nanmedian(run.flight.coefficients.systematic["Cl"][200:]) for run in (plain, wide))
     assert after > 1.5 * before
     np.testing.assert_array_equal(plain.flight.coefficients.value["Cl"], wide.flight.coefficients.value["Cl"])
+
+
+@pytest.mark.parametrize(
+    ("length", "lost", "triads"), [(0.375, False, "both"), (3.0, True, "both"), (3.0, True, "rate")]
+)
+def test_no_coefficient_is_that_of_a_stretch_that_no_imu_has_read(length, lost, triads, builtin_flight):
+    """The database's dynamics have filled it, and would be compared with the database; a short one is interpolated."""
+    mission = Mission.load("builtin:practice_mer", [f"telemetry.path={builtin_flight}"])
+    telemetry = read_flight_file(builtin_flight)
+    inside = (telemetry.driving.time > 120.0) & (telemetry.driving.time <= 120.0 + length)
+    record = replace(telemetry.driving, angular_rate=np.where(inside[:, None], np.nan, telemetry.driving.angular_rate))
+    if triads == "both":
+        record = replace(record, specific_force=np.where(inside[:, None], np.nan, record.specific_force))
+    findings = findings_of("primary", "all" if triads == "both" else "rate", "missing", inside, record.time, 0.125)
+    single = replace(telemetry, driving=record, checking=(), findings=tuple(findings))
+    run = reconstruct(mission, inputs=FlightInputs(prepare_telemetry(mission, single, "flight")))
+    layer = derive_flight(run, air_data(run.trajectory, run.planet, run.atmosphere, run.effects))
+    within = (layer.time > 120.0) & (layer.time < 120.0 + length)
+    for name in ("CN", "Cm"):
+        value = layer.flight.coefficients.value[name]
+        assert np.isnan(value[within]).all() if lost else np.isfinite(value[within]).all()
+        assert np.isfinite(value[~within & (layer.time > 60.0)]).all()
 
 
 def test_the_inputs_of_a_flight_have_the_apparent_gravity(practice_06):

@@ -24,7 +24,7 @@ from edl_filter.navigation.constraints import Altimeter, Constraint
 from edl_filter.navigation.filter import Problem, merge, run_filter
 from edl_filter.navigation.recovery import Cause as Addition
 from edl_filter.navigation.recovery import Recovery, log_likelihood, used_once
-from edl_filter.pipeline.fault_hypotheses import errors_of_one_number, fault_hypotheses
+from edl_filter.pipeline.fault_hypotheses import Repair, errors_of_one_number, fault_hypotheses
 from edl_filter.pipeline.reconstruct import assemble
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
@@ -106,9 +106,9 @@ def rank_causes(
     def problem_of(repaired: Telemetry) -> Problem:
         return assemble(mission, repaired, planet, atmosphere, effects)
 
-    def evaluate(repaired: Telemetry) -> tuple[float, bool] | None:
+    def evaluate(repair: Repair) -> tuple[float, bool] | None:
         try:
-            return _evaluate(problem_of(repaired))
+            return _evaluate(problem_of(repair(telemetry)))
         except InputError:  # the repaired record is no flight
             return None
 
@@ -117,7 +117,7 @@ def rank_causes(
         return []
     baseline, causes = evaluated[0], []
     for hypothesis in fault_hypotheses(mission, telemetry):
-        evaluated = evaluate(hypothesis.repair(telemetry))
+        evaluated = evaluate(hypothesis.repair)
         if evaluated is not None:
             causes.append(Cause(hypothesis.kind, hypothesis.sentence, evaluated[0] - baseline, evaluated[1]))
     causes += [
@@ -167,14 +167,14 @@ def _evaluate(problem: Problem) -> tuple[float, bool] | None:
 
 
 def _estimated_causes(
-    telemetry: Telemetry, evaluate: Callable[[Telemetry], tuple[float, bool] | None]
+    telemetry: Telemetry, evaluate: Callable[[Repair], tuple[float, bool] | None]
 ) -> Iterator[tuple[str, str, float, bool]]:
     """Kind, sentence, log likelihood and consistency of hypotheses with one number, at its best value."""
     for error in errors_of_one_number(telemetry):
         values: dict[float, tuple[float, bool]] = {}
 
         def cost(value: float, error=error, values=values) -> float:
-            evaluated = evaluate(error.repair(value)(telemetry))
+            evaluated = evaluate(error.repair(value))
             if evaluated is None:
                 return _NO_FLIGHT
             values[value] = evaluated
@@ -199,18 +199,18 @@ def _estimated_causes(
 
 
 def _altimeter_offset(
-    telemetry: Telemetry, evaluate: Callable[[Telemetry], tuple[float, bool] | None]
+    telemetry: Telemetry, evaluate: Callable[[Repair], tuple[float, bool] | None]
 ) -> Iterator[tuple[str, str, float, bool]]:
     """A constant error of the altimeter's heights: scanned, and refined about the best."""
     assert telemetry.altimeter is not None
-    sigma, heights = telemetry.altimeter.sigma, telemetry.altimeter.height
+    altimeter = telemetry.altimeter
+    sigma, heights = altimeter.sigma, altimeter.height
     best, likelihood, consistent = 0.0, -np.inf, False
     step = max(50.0 * sigma, 0.25 * float(np.ptp(heights)))
     offsets = np.linspace(-4.0, 4.0, 9) * step
 
     def with_offset(offset: float) -> tuple[float, bool] | None:
-        assert telemetry.altimeter is not None
-        return evaluate(replace(telemetry, altimeter=replace(telemetry.altimeter, height=heights - offset)))
+        return evaluate(lambda t: replace(t, altimeter=replace(altimeter, height=heights - offset)))
 
     def cost(offset: float) -> float:
         evaluated = with_offset(offset)

@@ -20,6 +20,8 @@ import numpy as np
 from edl_filter import rotations
 from edl_filter.mission import Mission
 from edl_filter.mission.measurements import FlightFileConfig
+from edl_filter.pipeline.load import check_settings, prepare_telemetry
+from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.record import Telemetry
 from edl_filter.types import AXES, Array
 
@@ -27,6 +29,11 @@ from edl_filter.types import AXES, Array
 SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
 SCALE_ERRORS = (-0.1, -0.03, -0.01, -0.003, 0.003, 0.01, 0.03, 0.1)
 FOOT, GRAVITY = 0.3048, 9.80665
+#: Largest ratio of two IMUs' readings that are in one unit: below the square root of that of feet and metres.
+_SAME_UNIT = 1.7
+
+#: Telemetry as it would be without an error, from that as it was read.
+Repair = Callable[[Telemetry], Telemetry]
 
 
 @dataclass(frozen=True)
@@ -45,7 +52,7 @@ class FaultHypothesis:
 
     kind: str
     sentence: str
-    repair: Callable[[Telemetry], Telemetry]
+    repair: Repair
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ class ErrorOfOneNumber:
     words: tuple[str, str]
     values: tuple[float, ...]
     resolution: float
-    repair: Callable[[float], Callable[[Telemetry], Telemetry]]
+    repair: Callable[[float], Repair]
     factor: float = 1.0
 
 
@@ -114,7 +121,7 @@ def fault_hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[FaultHy
     telemetry : Telemetry
         As it was read.
     """
-    yield from _unit_hypotheses(telemetry)
+    yield from _unit_hypotheses(mission, telemetry)
     if telemetry.initial is not None:
         yield from (
             FaultHypothesis("entry_state", f"the attitude at entry, its quaternion {text}", _changed_attitude(change))
@@ -129,14 +136,15 @@ def fault_hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[FaultHy
         yield from _axis_hypotheses(frame, axes)
 
 
-def _unit_hypotheses(telemetry: Telemetry) -> Iterator[FaultHypothesis]:
+def _unit_hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[FaultHypothesis]:
     for quantity, factors in (
         ("specific_force", {"g": GRAVITY, "ft/s^2": FOOT}),
         ("angular_rate", {"deg/s": np.pi / 180.0, "rpm": np.pi / 30.0}),
     ):
         words = quantity.replace("_", " ")
         for unit, factor in factors.items():
-            yield FaultHypothesis("units", f"units, the {words} is in {unit}", _scaled(quantity, factor))
+            owner, repair = _in_unit(mission, telemetry, quantity, factor)
+            yield FaultHypothesis("units", f"units, the {words}{owner} is in {unit}", repair)
             text = f"units, the {words} was multiplied by {factor:.4g} once too often ({unit})"
             yield FaultHypothesis("units", text, _scaled(quantity, 1.0 / factor))
     if telemetry.altimeter is not None:
@@ -205,14 +213,36 @@ def imu_axes(mission: Mission, name: str) -> Array | None:
         return None
 
 
-def _scaled(quantity: str, factor: float) -> Callable[[Telemetry], Telemetry]:
+def _in_unit(mission: Mission, telemetry: Telemetry, quantity: str, factor: float) -> tuple[str, Repair]:
+    """Whose readings may be in another unit, in words, and the repair.
+
+    These are the driving IMU and those whose readings have its size. The limits beyond which a sample is bad depend on
+    the unit: where samples were repaired, the file is read again in this unit.
+    """
+    path, records = mission.telemetry_path(), (telemetry.driving, *telemetry.checking)
+    sizes = [float(np.nanmedian(np.linalg.norm(getattr(r, quantity), axis=1))) for r in records]
+    low, high = sizes[0] / _SAME_UNIT, sizes[0] * _SAME_UNIT
+    imus = [r.name for r, size in zip(records, sizes, strict=True) if r is records[0] or low < size < high]
+    owner = "" if len(imus) == len(records) else f" of IMU {' and '.join(imus)}"
+    repaired = any(r.filled.any() for r in records if r.name in imus)
+    if not repaired or path is None or not isinstance(mission.telemetry, FlightFileConfig):
+        return owner, _scaled(quantity, factor)
+
+    def repair(_: Telemetry) -> Telemetry:
+        read = read_flight_file(path, check_settings(mission), {imu: {quantity: factor} for imu in imus})
+        return prepare_telemetry(mission, read, str(path))
+
+    return owner, repair
+
+
+def _scaled(quantity: str, factor: float) -> Repair:
     def repair(t: Telemetry) -> Telemetry:
         return replace(t, driving=replace(t.driving, **{quantity: factor * getattr(t.driving, quantity)}))
 
     return repair
 
 
-def _scaled_altimeter(factor: float) -> Callable[[Telemetry], Telemetry]:
+def _scaled_altimeter(factor: float) -> Repair:
     def repair(t: Telemetry) -> Telemetry:
         assert t.altimeter is not None
         return replace(t, altimeter=replace(t.altimeter, height=factor * t.altimeter.height))
@@ -220,7 +250,7 @@ def _scaled_altimeter(factor: float) -> Callable[[Telemetry], Telemetry]:
     return repair
 
 
-def _turned(quantities: tuple[str, ...], matrix: Array) -> Callable[[Telemetry], Telemetry]:
+def _turned(quantities: tuple[str, ...], matrix: Array) -> Repair:
     def repair(t: Telemetry) -> Telemetry:
         return replace(t, driving=replace(t.driving, **{q: getattr(t.driving, q) @ matrix.T for q in quantities}))
 
@@ -237,7 +267,7 @@ _QUATERNIONS: dict[str, Callable[[Array], Array]] = {
 }
 
 
-def _changed_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry], Telemetry]:
+def _changed_attitude(change: Callable[[Array], Array]) -> Repair:
     def repair(t: Telemetry) -> Telemetry:
         assert t.initial is not None
         return replace(t, initial=replace(t.initial, inertial_from_body=change(t.initial.inertial_from_body)))
@@ -245,11 +275,11 @@ def _changed_attitude(change: Callable[[Array], Array]) -> Callable[[Telemetry],
     return repair
 
 
-def _shifted_imu(shift: float) -> Callable[[Telemetry], Telemetry]:
+def _shifted_imu(shift: float) -> Repair:
     return lambda t: replace(t, driving=replace(t.driving, time=t.driving.time + shift))
 
 
-def _shifted_altimeter(shift: float) -> Callable[[Telemetry], Telemetry]:
+def _shifted_altimeter(shift: float) -> Repair:
     def repair(t: Telemetry) -> Telemetry:
         assert t.altimeter is not None
         return replace(t, altimeter=replace(t.altimeter, time=t.altimeter.time + shift))

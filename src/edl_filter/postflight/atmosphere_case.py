@@ -112,7 +112,7 @@ def coefficients_of(
     return (
         flight_coefficients(
             motion.force, motion.force_sigma, i.bias_sigma, motion.moments, atmosphere, i.speed, i.mass, i.diameter,
-            i.alignment_sigma,
+            i.alignment_sigma, i.force_read, i.rate_read,
         ),
         database_coefficients(
             i.database, atmosphere, i.speed, i.velocity_body, i.x_over_d, i.angle_sigma, i.offset

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.moments import Moments
-from edl_filter.types import Array
+from edl_filter.types import Array, BoolArray
 
 FORCES = ("CA", "CN", "CY")
 MOMENTS = ("Cl", "Cm", "Cn")
@@ -23,7 +23,7 @@ NAMES = FORCES + MOMENTS
 
 @dataclass(frozen=True)
 class FlightCoefficients:
-    """Coefficients by name (`NAMES`), ``(N,)`` each; NaN where the atmosphere is NaN.
+    """Coefficients by name (`NAMES`), ``(N,)`` each; NaN where the atmosphere is NaN, and where no IMU has read.
 
     Attributes
     ----------
@@ -55,6 +55,8 @@ def flight_coefficients(
     mass: ArrayLike,
     diameter: float,
     alignment_sigma: float = 0.0,
+    force_read: BoolArray | None = None,
+    rate_read: BoolArray | None = None,
 ) -> FlightCoefficients:
     """Coefficients with one of the atmospheres.
 
@@ -79,6 +81,9 @@ def flight_coefficients(
     alignment_sigma : float
         One sigma of the rotation of the accelerometers' axes relative to the body's, rad: that fraction of the axial
         force is an error of the lateral ones.
+    force_read, rate_read : (N, 3) boolean arrays, optional
+        Whether an IMU has read the force along, and the rate about, each axis. Coefficients of axes that none has read
+        are NaN.
 
     Returns
     -------
@@ -111,4 +116,8 @@ def flight_coefficients(
         size, scale = np.abs(value[name]), atmosphere.moment_scale
         noise[name] = np.hypot(per_moment * moments.sigma[:, axis], size * scale[:, 0])
         systematic[name] = np.hypot(per_moment * moments.systematic[:, axis], size * scale[:, 1])
+    for axes, read in (({"CA": 0, "CY": 1, "CN": 2}, force_read), ({"Cl": 0, "Cm": 1, "Cn": 2}, rate_read)):
+        if read is not None:
+            for quantity in (value, noise, systematic):
+                quantity |= {name: np.where(read[:, axis], quantity[name], np.nan) for name, axis in axes.items()}
     return FlightCoefficients(value, noise, systematic, q)

@@ -9,6 +9,7 @@ import numpy as np
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
 from edl_filter.effects.forward_model import compose_air_rotation, compose_body
 from edl_filter.errors import InputError
+from edl_filter.pipeline.dynamics_filling import SHORTEST
 from edl_filter.pipeline.forward_model import body_of, changed_bodies, database_of
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData, air_data
@@ -16,7 +17,9 @@ from edl_filter.postflight.derive import PostflightResult, derive
 from edl_filter.postflight.events import Event, events
 from edl_filter.postflight.inputs import PostflightInputs, at_middles
 from edl_filter.postflight.windows import Window
-from edl_filter.types import Array
+from edl_filter.telemetry.record import SAME_TIME
+from edl_filter.telemetry.sample_repair import interpolated_stretches
+from edl_filter.types import Array, BoolArray
 
 #: Components of the air data that are interpolated to the middles of the samples.
 _ALONG = (
@@ -160,7 +163,24 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         top_temperature=mission.postflight.top_temperature,
         top_temperature_sigma=mission.postflight.top_temperature_sigma,
         windows=None if stated is None else tuple(Window(w.name, w.start_s, w.end_s) for w in stated),
+        force_read=_is_read(reconstruction, samples.force_fill_sigma),
+        rate_read=_is_read(reconstruction, samples.rate_fill_sigma),
     )
+
+
+def _is_read(reconstruction: Reconstruction, fill_sigma: Array) -> BoolArray:
+    """Whether an IMU has read each axis of a triad in each sample (N, 3), by the sigmas (N, 3) of its filled values.
+
+    Stretches that no IMU has read are filled by the database's rotational dynamics, unless they are short: coefficients
+    in them would be those of the database. Where rates are lost, forces have a sigma, too: those at the centre of mass
+    depend on the rates.
+    """
+    samples = reconstruction.problem.samples
+    middle, unread = samples.time - 0.5 * samples.interval, np.zeros(len(samples.time), bool)
+    for start, end in interpolated_stretches(reconstruction.telemetry):
+        if end - start > SHORTEST - SAME_TIME:
+            unread |= (middle > start) & (middle < end)
+    return np.asarray(~(unread[:, None] & (fill_sigma > 0.0)))
 
 
 def _noise_of_an_axis(noise: Array, fill_sigma: Array) -> Array:

@@ -15,7 +15,7 @@ from edl_filter.estimation.interpolating_spline import InterpolatingSpline
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.rates import BATCH
 from edl_filter.postflight.windows import Window
-from edl_filter.types import Array
+from edl_filter.types import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,8 @@ class PostflightInputs:
         Half-power frequency of one pass of a low-pass of forces and rates before the batches, Hz.
     windows : sequence of Window, optional
         Instead of those that are determined from the flight.
+    force_read, rate_read : (N, 3) boolean arrays, optional
+        Whether an IMU has read the specific force along, and the rate about, each axis; by default all.
     """
 
     time: Array
@@ -124,6 +126,8 @@ class PostflightInputs:
     altitude_sigma: Array | float = 0.0
     sink_sigma: Array | float = 0.0
     wind_sigma: Array | float = 0.0
+    force_read: BoolArray | None = None
+    rate_read: BoolArray | None = None
 
     def until_parachute(self) -> PostflightInputs:
         """The samples up to the parachute."""

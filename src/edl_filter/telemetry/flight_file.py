@@ -9,7 +9,7 @@ simulator writes, is never opened.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -66,6 +66,8 @@ ERROR_ATTRIBUTES = {
     "gyro_scale": ("gyro_scale_sigma", Limits("", 0.0, 0.1, PARTS)),
 }
 _FORCE_UNITS = {"mg": 9.80665e-3}
+#: IMU → quantity → factor from the unit in which its readings may be stored to that of the format.
+UnitFactors = Mapping[str, Mapping[str, float]]
 
 
 def conflicting_median_step(time: Array, interval: float) -> float | None:
@@ -88,7 +90,7 @@ def conflicting_median_step(time: Array, interval: float) -> float | None:
 
 
 def _read_imu(
-    node: Node, name: str, settings: CheckSettings | None = None
+    node: Node, name: str, settings: CheckSettings | None = None, factors: Mapping[str, float] | None = None
 ) -> tuple[ImuRecord, tuple[SampleFinding, ...]]:
     """Record of one IMU in body axes, with NaN where a sample is missing or bad.
 
@@ -100,6 +102,8 @@ def _read_imu(
         Name of the record.
     settings : CheckSettings, optional
         Thresholds of the checks.
+    factors : dict, optional
+        Of its readings, as in `UnitFactors`.
 
     Returns
     -------
@@ -118,7 +122,10 @@ def _read_imu(
         raise InputError(f"{node.file_name}: /imu/{name}/time has {len(time)} samples; at least 2 are needed.")
     interval = node.attribute("sample_interval", positive=True)
     body_from_imu = node.unit("@body_from_imu", node.attribute("body_from_imu", 4))
-    measured = {key: node.numbers(key, len(time), 3, finite=False) for key in ("specific_force", "angular_rate")}
+    measured = {
+        key: (factors or {}).get(key, 1.0) * node.numbers(key, len(time), 3, finite=False)
+        for key in ("specific_force", "angular_rate")
+    }
     highest = highest_readings(interval)
     limits = Limits("m/s^2", 0.0, highest[0], _FORCE_UNITS), Limits("rad/s", 0.0, highest[1], DEGREE_RATES)
     for (key, values), allowed in zip(measured.items(), limits, strict=True):
@@ -203,10 +210,10 @@ def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -
             )
 
 
-def _read_imus(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
+def _read_imus(root: Node, settings: CheckSettings | None, factors: UnitFactors | None = None) -> dict[str, Any]:
     imu_node = root.child("imu")
     names = ["primary", *(name for name in sorted(imu_node.group) if name != "primary")]
-    imus = [_read_imu(imu_node.child(name), name, settings) for name in names]
+    imus = [_read_imu(imu_node.child(name), name, settings, (factors or {}).get(name)) for name in names]
     landing = _landing_node(root)
     if landing:
         _check_rest(imu_node, tuple(record for record, _ in imus), landing.attribute("time", limits=TIME))
@@ -312,18 +319,20 @@ def _read_planet(root: Node) -> dict[str, Any]:
     return {"prime_meridian_at_epoch": meridian, "planet": root.text("planet")}
 
 
-def _parts(settings: CheckSettings | None) -> tuple[Callable[[Node], dict[str, Any]], ...]:
+def _parts(
+    settings: CheckSettings | None, factors: UnitFactors | None = None
+) -> tuple[Callable[[Node], dict[str, Any]], ...]:
     """Readers of the parts of a flight file, each of which returns arguments of `Telemetry`; ``/truth`` is not read."""
     return (
-        lambda root: _read_imus(root, settings), _read_initial, _read_landing, _read_parachute,
+        lambda root: _read_imus(root, settings, factors), _read_initial, _read_landing, _read_parachute,
         lambda root: _read_altimeter(root, settings), _read_events, _read_epoch, _read_planet,
     )  # fmt: skip
 
 
-def read_root(root: Node, settings: CheckSettings | None) -> dict[str, Any]:
+def read_root(root: Node, settings: CheckSettings | None, factors: UnitFactors | None = None) -> dict[str, Any]:
     """Arguments of `Telemetry` from the root of a flight file."""
     contents: dict[str, Any] = {}
-    for read_part in _parts(settings):
+    for read_part in _parts(settings, factors):
         part = read_part(root)
         findings = (*contents.get("findings", ()), *part.get("findings", ()))
         contents |= part | {"findings": findings}
@@ -372,7 +381,9 @@ def flight_file_problems(path: str | Path) -> list[str]:
     return list(dict.fromkeys(problems))
 
 
-def read_flight_file(path: str | Path, settings: CheckSettings | None = None) -> Telemetry:
+def read_flight_file(
+    path: str | Path, settings: CheckSettings | None = None, factors: UnitFactors | None = None
+) -> Telemetry:
     """Read a flight file into records in body axes.
 
     A sample that is missing or bad is NaN in the record and listed in `Telemetry.findings`; `sample_repair.repaired`
@@ -385,6 +396,9 @@ def read_flight_file(path: str | Path, settings: CheckSettings | None = None) ->
         HDF5 file.
     settings : CheckSettings, optional
         Thresholds of the checks of the samples.
+    factors : dict, optional
+        IMU → quantity (``specific_force``, ``angular_rate``) → factor by which the stored readings are multiplied
+        before they are checked.
 
     Returns
     -------
@@ -401,5 +415,5 @@ def read_flight_file(path: str | Path, settings: CheckSettings | None = None) ->
     """
     path = Path(path)
     with _opened(path) as root:
-        contents = read_root(root, settings)
+        contents = read_root(root, settings, factors)
     return Telemetry(**contents, files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()})
