@@ -407,6 +407,62 @@ def limited_rates(share: float) -> Fault:
     return change
 
 
+def always(key: str, axis: int | slice, value: float | None) -> Fault:
+    """Axes that read a value in the whole record; None: the first reading of each."""
+
+    def change(data: Samples, _: int, _rng: np.random.Generator) -> None:
+        data[key][:, axis] = data[key][0, axis] if value is None else value
+
+    return change
+
+
+def fractions(count: int, size: float) -> Fault:
+    """A clock that jumps by a fraction of a sampling interval, ahead or back."""
+
+    def change(data: Samples, i: int, rng: np.random.Generator) -> None:
+        time = data["time"]
+        step = size * np.median(np.diff(time))
+        for k in [i] if count == 1 else np.sort(rng.integers(100, len(time) - 100, count)):
+            time[k:] += step * rng.choice([-1.0, 1.0])
+
+    return change
+
+
+def additional(count: int, place: float) -> Fault:
+    """Packets that are sent again with new noise, at a place between two others, in sampling intervals."""
+
+    def change(data: Samples, i: int, rng: np.random.Generator) -> Samples:
+        rows = np.sort(rng.choice(np.arange(i, min(i + 3 * count, len(data["time"]) - 5)), count, replace=False))
+        noise = {FORCE: 3e-3, RATE: 3e-5, "time": 0.0}
+        shift = {"time": place * np.median(np.diff(data["time"]))}
+        again = {
+            k: v[rows] + noise[k] * rng.standard_normal(v[rows].shape) + shift.get(k, 0.0) for k, v in data.items()
+        }
+        return {key: np.insert(v, rows + 1, again[key], axis=0) for key, v in data.items()}
+
+    return change
+
+
+def wrong_stamps(count: int, size: float) -> Fault:
+    """Single packets whose times are wrong by a fraction of a sampling interval."""
+
+    def change(data: Samples, _: int, rng: np.random.Generator) -> None:
+        time = data["time"]
+        rows = rng.choice(np.arange(100, len(time) - 100), count, replace=False)
+        time[rows] += size * np.median(np.diff(time)) * rng.choice([-1.0, 1.0], count)
+
+    return change
+
+
+def shifted(key: str, count: int) -> Fault:
+    """Readings of one triad that are late by a number of samples in the whole record."""
+
+    def change(data: Samples, _: int, _rng: np.random.Generator) -> None:
+        data[key] = np.roll(data[key], count, axis=0)
+
+    return change
+
+
 SAMPLE_FAULTS: dict[str, Fault] = {
     "none": lambda data, i, rng: None,
     "spike in force": spike(FORCE, 1000.0),
@@ -633,6 +689,17 @@ FAULTS: dict[str, FileFault] = {
     "force offset for 8 samples": imu(offset_for(FORCE, 1.0, 2, 8), "primary"),
     "rate offset for 8 samples": imu(offset_for(RATE, 0.05, 1, 8), "primary"),
     "limited rates": imu(limited_rates(0.6), "primary"),
+    "force axis 0 throughout": imu(always(FORCE, 2, 0.0), "primary"),
+    "rate axis 0 throughout": imu(always(RATE, 1, 0.0), "primary"),
+    "rate axis at its first value": imu(always(RATE, 0, None), "primary"),
+    "rates 0 throughout": imu(always(RATE, slice(None), 0.0), "primary"),
+    "force axis NaN throughout": imu(always(FORCE, 1, np.nan), "primary"),
+    "clock jumps 0.4 samples": imu(fractions(1, 0.4), "primary"),
+    "clock jumps 0.2 samples 20 times": imu(fractions(20, 0.2), "primary"),
+    "40 additional packets": imu(additional(40, 0.3), "primary"),
+    "10 stamps wrong by 0.4 samples": imu(wrong_stamps(10, 0.4), "primary"),
+    "forces early by a sample": imu(shifted(FORCE, -1), "primary"),
+    "rates late by a sample": imu(shifted(RATE, 1), "primary"),
 }
 
 

@@ -7,6 +7,9 @@ import pytest
 from faulty_telemetry import SWAP_XZ, turned, with_altimeter
 
 from edl_filter import rotations
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import catalogue
+from edl_filter.effects.sensors import delayed
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.navigation.recovery import run_with_recovery
@@ -237,3 +240,17 @@ def test_a_wrong_mounting_of_the_checking_imu_is_not_blamed_on_the_altimeter(inp
     with pytest.raises(InputError, match="secondary differ by") as error:
         check_record(mission, wrong, planet, atmosphere, assemble(mission, wrong, planet, atmosphere))
     assert "altimeter" not in str(error.value) and "clock" not in str(error.value)
+
+
+def test_force_and_rate_with_different_clocks_are_not_trusted_unless_the_model_has_them(inputs):
+    mission, telemetry, _, atmosphere = inputs
+    record = telemetry.driving
+    late = replace(record, angular_rate=delayed(record.time, record.angular_rate, 0.05))
+    checked = repaired(replace(telemetry, driving=late), parachute=telemetry.parachute.time)
+    (finding,) = (f for f in checked.findings if f.kind == "delay")
+    run = reconstruct(mission, leave_one_out=False, inputs=FlightInputs(checked, atmosphere))
+    headline = judge(run).headline
+    assert "by -0.050 s in the rate" in finding.repair and finding.repair.split(";")[0] in headline
+    assert "different clocks" in headline and "imu_time_offset" in headline
+    with_effect = replace(run, effects=(EffectInstance(catalogue()["imu_time_offset"], {"tau": 0.05}),))
+    assert "different clocks" not in str(judge(with_effect).headline)

@@ -92,11 +92,24 @@ def test_a_constant_delay_is_no_disagreement(delay, with_error, telemetry):
 
 @pytest.mark.parametrize("delay", [-0.4, 0.1])
 @pytest.mark.parametrize("with_error", [0, 1])
-def test_gyros_that_are_late_against_the_accelerometers_are_no_disagreement(delay, with_error, telemetry):
+def test_gyros_that_are_late_against_the_accelerometers_have_a_delay_and_are_no_disagreement(
+    delay, with_error, telemetry
+):
     records = [telemetry.driving, telemetry.checking[0]]
     late = delayed(records[with_error].time, records[with_error].angular_rate, delay)
     records[with_error] = replace(records[with_error], angular_rate=late)
-    assert disagreements(*records, END, PROBABILITY) == []
+    (finding,) = disagreements(*records, END, PROBABILITY)
+    sign = 1.0 if with_error else -1.0
+    assert finding.kind == "delay" and f"by {sign * delay:+.3f} s in the rate" in finding.repair
+    assert (finding.imu, finding.samples) == ("primary", 0) and finding.end == pytest.approx(END, abs=0.2)
+
+
+@pytest.mark.parametrize(("delay", "kinds"), [(-0.02, ["delay"]), (0.02, ["delay"]), (0.008, [])])
+def test_forces_with_a_delay_of_their_own_are_found_from_a_tenth_of_a_sample_on(delay, kinds, telemetry):
+    """0.125 s a sample."""
+    first, second = telemetry.driving, telemetry.checking[0]
+    late = replace(second, specific_force=delayed(second.time, second.specific_force, delay))
+    assert [f.kind for f in disagreements(first, late, END, PROBABILITY)] == kinds
 
 
 def test_another_lever_arm_is_no_disagreement(telemetry):

@@ -146,3 +146,21 @@ def test_the_rovers_imus(request, name, lever_arm):
     assert abs(estimate.delay) < 4.0 * estimate.delay_sigma < 1e-4
     assert np.all(np.abs(np.degrees(estimate.rate_alignment)) < 0.005)
     assert np.all(estimate.rate_rms < 1.1 * np.sqrt(2.0) * 5.8e-5)
+
+
+@pytest.mark.parametrize("axes", [[1], [0, 1, 2]])
+def test_gyros_that_read_zero_leave_what_they_determine_unknown(axes):
+    """Without a warning of numpy, as the other parameters stay known."""
+    count = 1200
+    rate, _, force = motion(DT * np.arange(count))
+    rate[:, axes] = 0.0
+    rng = np.random.default_rng(3)
+    records = [
+        record(name, rate, force + 3e-3 * rng.standard_normal(force.shape), place, count)
+        for name, place in (("a", REFERENCE), ("b", CHECKED))
+    ]
+    estimate = relative_calibration(*records, -np.inf, np.inf)
+    sigmas = estimate.rate_alignment_sigma, estimate.lever_arm_sigma, estimate.rate_bias_sigma
+    assert np.isfinite(sigmas).all() and np.all(estimate.force_bias_sigma < 0.01)
+    if len(axes) == 3:
+        assert np.all(estimate.rate_alignment_sigma[1:] > 1e3) and np.all(estimate.lever_arm_sigma > 1e3)

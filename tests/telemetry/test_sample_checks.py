@@ -146,3 +146,33 @@ def test_a_stuck_axis_is_lost_alone(column):
     assert np.isnan(out[1000:1040, column]).all()
     out[1000:1040, column] = readings[1000:1040, column]
     np.testing.assert_array_equal(out, readings)
+
+
+def with_noise(readings):
+    """Findings of readings at 100 Hz of sensors whose stated noise is one."""
+    time = 0.01 * np.arange(1, len(readings) + 1)
+    return lost_readings(time, readings, 0.01, "a", (1e3, 50.0), CheckSettings(), (1.0, 1.0))
+
+
+@pytest.mark.parametrize("value", [0.0, 0.7])
+@pytest.mark.parametrize(("columns", "names"), [([4], ["rate y"]), ([0, 1, 2], ["force x", "force y", "force z"])])
+def test_an_axis_that_reads_one_value_throughout_is_dead(value, columns, names):
+    readings = np.random.default_rng(2).standard_normal((4000, 6))
+    readings[:, columns] = value
+    out, findings = with_noise(readings)
+    assert [(f.channel, f.kind, f.samples) for f in findings] == [(name, "stuck", 4000) for name in names]
+    assert np.isnan(out[:, columns]).all() and np.isfinite(np.delete(out, columns, axis=1)).all()
+    assert checked(readings)[1] == []  # without a stated noise nothing is known
+
+
+@pytest.mark.parametrize("at_rest", [0, 800])
+def test_an_axis_on_which_nothing_acts_in_a_simulation_without_noise_is_not_dead(at_rest):
+    """Also where the others have the oscillations of a whole flight, and are at rest for a part of it."""
+    phase = np.cumsum(np.geomspace(0.01, 2.5, 4000 - at_rest))
+    motion = np.concatenate((30.0 * np.sin(phase), np.zeros(at_rest)))
+    readings = np.stack([motion * k for k in (1.0, 0.0, 0.5, 0.0, 0.2, 0.0)], axis=1)
+    assert [f for f in with_noise(readings)[1] if f.kind == "stuck" and f.samples == 4000] == []
+
+
+def test_a_record_of_which_no_axis_changes_has_nothing_to_compare_with():
+    assert with_noise(np.tile([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], (400, 1)))[1] == []

@@ -347,8 +347,28 @@ def test_a_shock_that_both_imus_see_is_no_spike(builtin_flight):
 
 
 def test_without_another_imu_a_long_gap_is_refused(corrupted):
-    with pytest.raises(InputError, match=r"no usable samples from 100\.000 to 140\.000 s.*longest_gap_s"):
+    with pytest.raises(
+        InputError, match=r"no usable samples of its (force|rate) from 100\.000 to 140\.000 s.*longest_gap_s"
+    ):
         repaired(alone(corrupted(removed(320))), parachute=252.75)
+
+
+@pytest.mark.parametrize(
+    ("key", "axis", "value", "words"),
+    [(RATE, 1, 0.0, "rate y: stuck axis"), (FORCE, 2, 0.5, "force z: stuck axis"),
+     (RATE, slice(None), 0.0, "rate z: stuck axis"), (FORCE, 0, np.nan, "force: values that are not finite")],
+)  # fmt: skip
+def test_an_axis_that_is_dead_throughout_lets_the_other_imu_drive(key, axis, value, words, corrupted, builtin_flight):
+    def dead(data):
+        data[key][:, axis] = value
+
+    telemetry = repaired(corrupted(dead), parachute=252.75)
+    sound = read_flight_file(builtin_flight).checking[0]
+    assert telemetry.driving.name == "secondary" and not telemetry.driving.filled.any()
+    np.testing.assert_array_equal(telemetry.driving.angular_rate, sound.angular_rate)
+    assert any("secondary drives the reconstruction" in f.repair for f in telemetry.findings)
+    with pytest.raises(InputError, match=rf"no usable samples of its .* Found in primary: .*{words} from 0\.0 to 36"):
+        repaired(alone(corrupted(dead)), parachute=252.75)
 
 
 def test_detection_can_be_switched_off(corrupted):

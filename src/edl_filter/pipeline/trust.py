@@ -96,7 +96,7 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r) or _disagreement(r.telemetry) or _no_opening_shock(r) or _unknown_clock(r)
+    lost = lost_motion(r) or _disagreement(r.telemetry) or _two_clocks(r) or _no_opening_shock(r) or _unknown_clock(r)
     if lost is not None:
         return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
     if not rejected and not diverged:
@@ -237,6 +237,17 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
     if not r.filter_pass.converged:
         return f"the path after the samples that were lost from {first:.1f} s on has no stable solution"
     return None
+
+
+def _two_clocks(reconstruction: Reconstruction) -> str | None:
+    """That force and rate of one IMU are late against each other, as words; None without that, or in the model."""
+    found = [f for f in reconstruction.telemetry.findings if f.kind == "delay"]
+    if not found or any(effect.name == "imu_time_offset" for effect in reconstruction.effects):
+        return None
+    return (
+        f"force and rate of one IMU have different clocks: {found[0].repair.split(';')[0]}, which no other measurement "
+        "contradicts; 'edl-filter diagnose' can name the IMU (effect imu_time_offset)"
+    )
 
 
 def _no_opening_shock(reconstruction: Reconstruction) -> str | None:

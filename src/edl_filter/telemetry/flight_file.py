@@ -41,11 +41,10 @@ from edl_filter.telemetry.sample_checks import (
     highest_readings,
     in_body_axes,
     lost_readings,
-    ordered_packets,
     stuck_runs,
     with_repair,
 )
-from edl_filter.telemetry.time_stamps import evened
+from edl_filter.telemetry.time_stamps import evened, ordered_packets
 from edl_filter.types import Array
 
 FORMAT, VERSION = "edl-flight", 1
@@ -130,19 +129,21 @@ def _read_imu(
     limits = Limits("m/s^2", 0.0, highest[0], _FORCE_UNITS), Limits("rad/s", 0.0, highest[1], DEGREE_RATES)
     for (key, values), allowed in zip(measured.items(), limits, strict=True):
         _check_unit(node, key, values, allowed)
+    if not any(finite_rows(values).any() for values in measured.values()):
+        raise node.error("specific_force", "and angular_rate have no finite sample.")
     time, uneven = evened(time, interval, name) if settings.enabled else (time, [])
     time, readings, findings = ordered_packets(time, np.hstack(list(measured.values())), interval, name)
     node.within("time", time[[0, -1]], TIME)
     if median := conflicting_median_step(time, interval):
         raise node.error("@sample_interval", f"is {interval:g} s, but the usual step of its time is {median:g} s.")
     steps = [quantum(readings[:, triad]) if settings.enabled else 0.0 for triad in (slice(0, 3), slice(3, 6))]
-    readings, bad = lost_readings(time, readings, interval, name, highest, settings)
+    force_sigma = node.attribute("accelerometer_noise", positive=True, limits=Limits("m/s^2", 0.0, 1.0))
+    rate_sigma = node.attribute("gyro_noise", positive=True, limits=Limits("rad/s", 0.0, 0.1, DEGREE_RATES))
+    readings, bad = lost_readings(time, readings, interval, name, highest, settings, (force_sigma, rate_sigma))
     matrix = rotations.to_matrix(body_from_imu)
     bad = in_body_axes(bad, matrix)
     time, readings, inserted, missing = completed(time, readings, interval, name)
     force, rate = (rotations.rotate(body_from_imu, v) for v in (readings[:, :3].copy(), readings[:, 3:].copy()))
-    force_sigma = node.attribute("accelerometer_noise", positive=True, limits=Limits("m/s^2", 0.0, 1.0))
-    rate_sigma = node.attribute("gyro_noise", positive=True, limits=Limits("rad/s", 0.0, 0.1, DEGREE_RATES))
     errors = SensorErrors(**{
         key: node.attribute(attribute, limits=limits) for key, (attribute, limits) in ERROR_ATTRIBUTES.items()
     })  # fmt: skip
@@ -195,8 +196,6 @@ def _check_unit(node: Node, key: str, values: Array, limits: Limits) -> None:
     finite = finite_rows(values)
     if np.count_nonzero(np.linalg.norm(values[finite], axis=1) > limits.high) > MOST_OUT_OF_RANGE:
         node.within(key, np.where(finite[:, None], values, 0.0), limits)
-    if not finite.any():
-        raise node.error(key, "has no finite sample.")
 
 
 def _check_rest(imu_node: Node, records: tuple[ImuRecord, ...], landed: float) -> None:

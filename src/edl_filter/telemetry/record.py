@@ -255,6 +255,7 @@ KINDS = {
     "coarse": "readings in coarse steps",
     "dead": "IMU ends before the other",
     "disagreement": "disagreement of two IMUs beyond constant errors",
+    "delay": "force and rate that are late by different times",
     "rest_drift": "force at rest that is not constant",
 }
 

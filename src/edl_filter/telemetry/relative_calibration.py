@@ -43,6 +43,8 @@ _BLOCK_LENGTH, _FEWEST_BLOCKS = 5.0, 25
 _WEIGHT_ITERATIONS = 3
 #: Iterations of the linearisation.
 _ITERATIONS = 3
+#: Least scatter of an axis and size of a column; and sigma of a parameter that the differences do not contain.
+_LEAST, _UNKNOWN = 1e-150, 1e6
 
 #: Parameters in the order of the regression, and their numbers.
 _BLOCKS = {
@@ -250,22 +252,23 @@ def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dic
     """
     products = np.swapaxes(design, 1, 2) @ design  # of each axis, whose weights change
     projections = (differences[:, None, :] @ design)[:, 0]
-    scatter = np.std(differences, axis=1)
+    # an axis that reads one value throughout has no scatter, and a parameter that moves nothing no size
+    scatter = np.maximum(np.std(differences, axis=1), _LEAST)
     for _ in range(_WEIGHT_ITERATIONS):
         weight = scatter**-2.0
         normal = np.tensordot(weight, products, 1)
-        size = np.sqrt(np.diag(normal))
+        size = np.maximum(np.sqrt(np.diag(normal)), _LEAST)
         inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
         values = inverse @ (weight @ projections / size) / size
         residual = differences - design @ values
-        scatter = np.std(residual, axis=1)
+        scatter = np.maximum(np.std(residual, axis=1), _LEAST)
     scores = sum((weight[k] * residual[k])[:, None] * design[k] for k in range(6)) / size
     length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
     _, block = np.unique(np.floor((times - times[0]) / length), return_inverse=True)
     sums = np.zeros((block[-1] + 1, scores.shape[1]))
     np.add.at(sums, block, scores)
     sandwich = inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 1.0)
-    sigma = np.sqrt(np.diag(sandwich)) / size
+    sigma = np.where(size > _LEAST, np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / size, _UNKNOWN)
     ends = np.cumsum(list(_BLOCKS.values()))[:-1]
     estimates, sigmas = (dict(zip(_BLOCKS, np.split(v, ends), strict=True)) for v in (values, sigma))
     return estimates, sigmas, scatter

@@ -1,10 +1,10 @@
-"""Checks of one IMU's samples as they are stored: order of the packets, and values that no sensor can have read.
+"""Checks of one IMU's samples as they are stored: values that no sensor can have read.
 
-Input: times and readings in the axes of the IMU, before rotation. Method: packets are put in order (`ordered_packets`),
-then triads that are not finite, out of range or all zero and axes that are stuck or saturated are marked as lost
-(`lost_readings`), and rows with NaN are inserted where samples are missing (`completed`). A repetition is a fault only
-where it is improbable: the probability that a channel repeats a value by its quantisation is taken from the samples
-around it. Output: readings with NaN where they are lost, and a `SampleFinding` for each stretch.
+Input: times in order (`time_stamps`) and readings in the axes of the IMU, before rotation. Method: triads that are not
+finite, out of range or all zero and axes that are stuck or saturated are marked as lost (`lost_readings`), and rows
+with NaN are inserted where samples are missing (`completed`). A repetition is a fault only where it is improbable: the
+probability that a channel repeats a value by its quantisation is taken from the samples around it. Output: readings
+with NaN where they are lost, and a `SampleFinding` for each stretch.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from edl_filter.types import Array, BoolArray, IntArray
 
 #: A step in time longer than this many sampling intervals is a gap.
 GAP_STEPS = 1.5
-#: Largest number of successive packets with wrong times that are given times by counting.
-_WRONG_TIMES = 8
 #: Samples on each side from which the probability of a repetition is taken.
 _REPEAT_REACH = 256
 #: Share of rows that repeat another one from which repetition is a property of the data.
@@ -39,6 +37,8 @@ _QUANTA = 10
 _PEAK = 4.4
 #: Decimals, of the largest value, to which two readings are equal, and most samples of a peak at a limit.
 _DIGITS, _LONGEST_PEAK = 9, 3
+#: Part of its stated noise that an axis shows which is no simulation without noise.
+_SHOWN = 0.3
 #: Triads and axes of the readings' columns.
 CHANNELS = ("force x", "force y", "force z", "rate x", "rate y", "rate z")
 
@@ -100,92 +100,14 @@ def findings_of(
     ]
 
 
-def ordered_packets(
-    time: Array, readings: Array, interval: float, imu: str
-) -> tuple[Array, Array, list[SampleFinding]]:
-    """Put packets in the order of time, each once.
-
-    Packets with a wrong time between packets that are in step with each other get their time by counting. A clock that
-    jumps back is continued at the usual step, because two samples cannot have been taken at one time.
-
-    Parameters
-    ----------
-    time : (N,) array
-        As stored, s.
-    readings : (N, 6) array
-        Specific force (m/s²) and angular rate (rad/s).
-    interval : float
-        Sampling interval, s.
-    imu : str
-        Name of the IMU.
-
-    Returns
-    -------
-    time : (M,) array
-        Increasing, s.
-    readings : (M, 6) array
-    findings : list of SampleFinding
-    """
-    findings: list[SampleFinding] = []
-
-    def report(kind: str, at: Array, samples: int, repair: str) -> None:
-        start, end = float(np.min(at)) - interval, float(np.max(at))
-        findings.append(SampleFinding(imu, "all", start, end, samples, kind, repair))
-
-    finite = np.isfinite(time)
-    time, readings = time[finite], readings[finite]
-    if np.all(np.diff(time) > 0.25 * interval):
-        return time, readings, findings
-    order = np.argsort(time, kind="stable")
-    close = np.flatnonzero(np.diff(time[order]) < 0.25 * interval)
-    first, second = order[close], order[close + 1]
-    same = np.all((readings[first] == readings[second]) | np.isnan(readings[second]), axis=1)
-    if same.any():
-        repeated = second[same]
-        report("duplicated", time[repeated], len(repeated), "the first of each is used")
-        retained = np.ones(len(time), bool)
-        retained[repeated] = False
-        time, readings = time[retained], readings[retained]
-    order = np.argsort(time, kind="stable")
-    if np.all(np.diff(time[order]) > 0.25 * interval):
-        moved = time[order] != time
-        if moved.any():
-            report("reordered", time[moved], int(moved.sum()), "put in order of time")
-        return time[order], readings[order], findings
-    time, counted = _counted_times(time, interval)
-    if counted.any():
-        report("clock_jump", time[counted], int(counted.sum()), "wrong times of packets, replaced by counting")
-    for row in np.flatnonzero(np.diff(time) < 0.25 * interval) + 1:
-        step = time[row] - time[row - 1]
-        if step < 0.25 * interval:  # not yet corrected by a jump before
-            report("clock_jump", time[row - 1 : row], 1, f"{step - interval:+.3f} s, removed from there on")
-            time = np.concatenate((time[:row], time[row:] + interval - step))
-    return time, readings, findings
-
-
-def _counted_times(time: Array, interval: float) -> tuple[Array, BoolArray]:
-    """Times with those replaced that are out of step with packets before and after, and which were replaced.
-
-    At a step back, a number of packets up to and including it, or from it on, may have wrong times: the smallest number
-    is used after which the next packet has the time that counting gives.
-    """
-    time, counted = time.copy(), np.zeros(len(time), bool)
-    for row in np.flatnonzero(np.diff(time) < 0.25 * interval) + 1:
-        if time[row] - time[row - 1] >= 0.25 * interval:  # replaced with those before
-            continue
-        spans = [(a, a + k) for k in range(1, _WRONG_TIMES + 1) for a in (row, row - k)]
-        for a, b in spans:
-            if a < 1 or b >= len(time):
-                continue
-            expected = time[a - 1] + interval * np.arange(1, b - a + 2)
-            if abs(time[b] - expected[-1]) < 0.25 * interval:
-                time[a:b], counted[a:b] = expected[:-1], True
-                break
-    return time, counted
-
-
 def lost_readings(
-    time: Array, readings: Array, interval: float, imu: str, limits: tuple[float, float], settings: CheckSettings
+    time: Array,
+    readings: Array,
+    interval: float,
+    imu: str,
+    limits: tuple[float, float],
+    settings: CheckSettings,
+    noise: tuple[float, float] | None = None,
 ) -> tuple[Array, list[SampleFinding]]:
     """Readings with NaN in the triads and axes that no sensor can have read, and what they are.
 
@@ -203,6 +125,9 @@ def lost_readings(
         Largest specific force (m/s²) and rate (rad/s) that an instrument can read.
     settings : CheckSettings
         Thresholds.
+    noise : (2,) floats, optional
+        Stated sigma of the specific force (m/s²) and of the rate (rad/s). Without it, an axis that reads one value in
+        the whole record is not tested.
 
     Returns
     -------
@@ -230,7 +155,13 @@ def lost_readings(
     repeated = _repeated_rows(readings)
     findings += findings_of(imu, row, "duplicated", repeated, time, interval)
     readings[repeated] = np.nan
+    dead = _dead_axes(readings, noise) if noise is not None and len(channels) == 6 else []
+    for column in dead:
+        findings += findings_of(imu, channels[column], "stuck", np.ones(len(time), bool), time, interval)
+        readings[:, column] = np.nan
     for column, name in enumerate(channels):
+        if column in dead:
+            continue
         values = readings[:, column].copy()
         saturated = [(limit, True) for limit in _repeated_extremes(values, settings.false_alarm_probability)]
         for a, b in stuck_runs(values, settings.false_alarm_probability):
@@ -249,6 +180,24 @@ def lost_readings(
             findings += [replace(f, limit=vector) for f in axis_findings]
             readings[lost, column] = np.nan
     return readings, findings
+
+
+def _dead_axes(readings: Array, noise: tuple[float, float]) -> list[int]:
+    """Columns of (N, 6) that read one value throughout, while another column has at least a part of its stated noise.
+
+    A simulation without noise may have axes on which nothing acts; its other axes are smooth where the vehicle is
+    calm. Their fourth difference, of independent noise √70 times its sigma, is compared at its quantile of 10 %, which
+    is 0.126 sigmas of a normal distribution.
+    """
+    constant = [k for k, v in enumerate(readings.T) if np.isfinite(v).any() and np.nanmin(v) == np.nanmax(v)]
+    for column in range(6):
+        fourth = np.abs(np.diff(readings[:, column], 4))
+        fourth = fourth[np.isfinite(fourth)]
+        if column not in constant and len(fourth) >= _REPEAT_REACH:
+            sigma = float(np.quantile(fourth, 0.1)) / 0.126 / np.sqrt(70.0)
+            if sigma > _SHOWN * noise[column // 3]:
+                return constant
+    return []
 
 
 def _repeated_extremes(values: Array, probability: float) -> list[float]:
@@ -314,6 +263,8 @@ def _repeated_rows(readings: Array) -> BoolArray:
     """Rows (N,) that repeat an earlier row in all channels, where that is not usual in the data."""
     finite = finite_rows(readings)
     out = np.zeros(len(readings), bool)
+    if not finite.any():
+        return out
     _, first, inverse = np.unique(readings[finite], axis=0, return_index=True, return_inverse=True)
     repeated = first[inverse.ravel()] != np.arange(int(finite.sum()))
     if repeated.mean() <= _USUAL_REPETITION:

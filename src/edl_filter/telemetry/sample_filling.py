@@ -111,7 +111,7 @@ def filled(
             lost[triad] = lost[triad] & ~source.valid
         read = values[triad].copy()  # an autoregression is fitted to readings alone
         for a, b in runs(lost[triad]):
-            _refuse_long_gap(record, a, b, settings)
+            _refuse_long_gap(record, triad, a, b, settings)
             axis = lost_axis(partial[triad][a:b])
             for rows, fills, how in _interpolated(record, triad, read, a, b, parachute):
                 if axis is not None:
@@ -180,12 +180,12 @@ def _repair(record: ImuRecord, a: int, b: int, phrase: str) -> tuple[float, floa
     return float(record.time[a] - record.interval[a]), float(record.time[b - 1]), phrase
 
 
-def _refuse_long_gap(record: ImuRecord, a: int, b: int, settings: CheckSettings) -> None:
+def _refuse_long_gap(record: ImuRecord, triad: str, a: int, b: int, settings: CheckSettings) -> None:
     start, end = record.time[a] - record.interval[a], record.time[b - 1]
     if end - start > settings.longest_gap_s or b - a >= len(record) - 2:
         raise InputError(
-            f"IMU '{record.name}': no usable samples from {start:.3f} to {end:.3f} s, and no other IMU has them; "
-            f"at most {settings.longest_gap_s:g} s are filled without one (sample_checks.longest_gap_s)."
+            f"IMU '{record.name}': no usable samples of its {triad} from {start:.3f} to {end:.3f} s, and no other IMU "
+            f"has them; at most {settings.longest_gap_s:g} s are filled without one (sample_checks.longest_gap_s)."
         )
 
 

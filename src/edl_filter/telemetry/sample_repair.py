@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from edl_filter.errors import InputError
 from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
 from edl_filter.telemetry.disagreement import TRIADS, disagreements
 from edl_filter.telemetry.record import (
+    KINDS,
     SAME_TIME,
     ImuRecord,
     InitialState,
@@ -47,6 +49,8 @@ from edl_filter.types import Array
 _DEAD = 1.0
 #: Repair of a disagreement of which no other measurement has shown the IMU at fault (`pipeline.redundancy`).
 UNDECIDED = "not repaired: no other measurement shows which of the two is at fault"
+#: Findings of readings that are kept.
+_KEPT = (REST_DRIFT, "delay")
 #: Time after a gap in which the rates of two IMUs are compared (s), least number of samples, and the ratio of mean
 #: squares below which the clock jumped.
 _JUMP_WINDOW, _JUMP_SAMPLES, _JUMP_RATIO = 20.0, 24, 0.05
@@ -83,7 +87,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled:
         records, drifts = without_drift(records, parachute - PARACHUTE_MARGIN)
         findings += drifts
-        records, findings = _driven_by_the_finer(records, findings)
+        records, findings = _driven_by_the_better(records, findings)
     begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
     records, findings = [record for record, _ in begun], [*findings, *(f for _, late in begun for f in late)]
     if len(records) > 1:
@@ -103,16 +107,21 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         findings += bad
         findings += _disagreements(records, drifts, settings, smooth_until)
     unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
-    nothing_bad = all(f.kind == REST_DRIFT for f in findings)
+    nothing_bad = all(f.kind in _KEPT for f in findings)
     if nothing_bad and unchanged and all(is_complete(record) for record in records):
         checking = tuple(with_interpolation_noise(record, records[0]) for record in records[1:])
         same = all(a is b for a, b in zip(checking, telemetry.checking, strict=True))
+        if len(findings) > len(telemetry.findings):
+            telemetry = replace(telemetry, findings=tuple(findings))
         return telemetry if same else replace(telemetry, checking=checking, as_read=_as_read(telemetry))
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]
     phrases: dict[str, list[tuple[float, float, str]]] = {}
     outcome = []
     for record, source in zip(records, sources, strict=True):
-        complete, how = filled(record, source, settings, parachute)
+        try:
+            complete, how = filled(record, source, settings, parachute)
+        except InputError as error:
+            raise InputError(f"{error}{_long_losses(record.name, findings, settings)}") from None
         phrases[record.name] = how
         outcome.append(complete)
     findings = [f if f.repair else _explained(f, phrases.get(f.imu, [])) for f in findings]
@@ -236,22 +245,34 @@ def _disagreements(
         steady = without_relative_drift(records[0], records[1], end)
         corrected = disagreements(steady, records[1], end, settings.false_alarm_probability)
         remaining = min(remaining, corrected, key=lambda option: sum(f.samples for f in option))
-    return [with_repair(f, UNDECIDED) for f in remaining]
+    return [f if f.repair else with_repair(f, UNDECIDED) for f in remaining]
 
 
-def _driven_by_the_finer(
+def _long_losses(imu: str, findings: list[SampleFinding], settings: CheckSettings) -> str:
+    """What was found in an IMU for longer than can be filled, as a sentence after another one; empty for nothing."""
+    losses = [f for f in findings if f.imu == imu and f.end - f.start > settings.longest_gap_s and f.kind not in _KEPT]
+    words = "; ".join(f"{f.channel}: {KINDS[f.kind]} from {f.start:.1f} to {f.end:.1f} s" for f in losses)
+    return f" Found in {imu}: {words}." if words else ""
+
+
+def _driven_by_the_better(
     records: list[ImuRecord], findings: list[SampleFinding]
 ) -> tuple[list[ImuRecord], list[SampleFinding]]:
-    """Records with the first one that has no coarse steps in front, if the driving one has; it must cover its time."""
-    coarse = {f.imu for f in findings if f.kind == "coarse"}
-    if records[0].name not in coarse:
+    """Records with the first sound one in front, if the driving one is not; it must cover its time.
+
+    One with coarse steps is not sound, nor one of which a triad has no complete sample, since an axis is dead.
+    """
+    worse = {f.imu for f in findings if f.kind == "coarse"}
+    worse |= {r.name for r in records if not all(finite_rows(getattr(r, key)).any() for key in TRIADS.values())}
+    if records[0].name not in worse:
         return records, findings
     end, interval = records[0].time[-1], float(np.median(records[0].interval))
     for i, record in enumerate(records):
-        if record.name not in coarse and record.start <= records[0].start + interval and record.time[-1] > end - _DEAD:
+        if record.name not in worse and record.start <= records[0].start + interval and record.time[-1] > end - _DEAD:
+            drives = f"{record.name} drives the reconstruction"
             findings = [
-                with_repair(f, f"{f.repair}; {record.name} drives the reconstruction")
-                if f.kind == "coarse" and f.imu == records[0].name
+                with_repair(f, f"{f.repair}; {drives}" if f.repair else drives)
+                if f.imu == records[0].name and (f.kind == "coarse" or f.end - f.start > end - records[0].start - _DEAD)
                 else f
                 for f in findings
             ]
