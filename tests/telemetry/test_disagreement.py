@@ -10,7 +10,7 @@ from edl_filter.effects.sensors import delayed
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
-from edl_filter.telemetry.disagreement import _pair, _variance, disagreements, independent_error
+from edl_filter.telemetry.disagreement import _in_windows, _pair, _parity, _variances, disagreements, independent_error
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
@@ -61,6 +61,31 @@ def test_a_change_in_flight_is_detected_in_either_imu(name, at_fault, telemetry)
     records[at_fault] = with_change(records[at_fault], key, change, start=120.0)
     findings = disagreements(*records, END, PROBABILITY)
     assert channel in {f.channel for f in findings} and {f.kind for f in findings} == {"disagreement"}
+
+
+@pytest.mark.parametrize("size", [1.5e-4, 3e-4])
+@pytest.mark.parametrize("at_fault", [0, 1])
+def test_a_rate_bias_below_the_noise_is_found_in_the_mean_of_its_window(size, at_fault, telemetry):
+    """For 100 s, 5 and 11 sigmas of the parity's noise, which the regression halves; the median has a limit of 6."""
+    records = [telemetry.driving, telemetry.checking[0]]
+    bias = np.array([0.0, size, 0.0])
+    records[at_fault] = with_change(records[at_fault], RATE, lambda v: v + bias, start=100.0, end=200.0)
+    (finding,) = disagreements(*records, END, PROBABILITY)
+    assert (finding.channel, finding.kind) == ("rate", "disagreement")
+    assert finding.start == pytest.approx(100.0, abs=12.0) and finding.end == pytest.approx(200.0, abs=12.0)
+
+
+def test_the_mean_of_the_parity_has_the_errors_that_vary_and_not_the_noise(telemetry):
+    """Of sound records the squared mean is below its limit by far, and above it with ten sigmas of a bias in a half."""
+    pair = _pair(telemetry.driving, telemetry.checking[0], END)
+    assert not _in_windows(_parity(pair, "rate", pair.usable, 0.0), pair, "rate", PROBABILITY).any()
+    late = pair.reference.time > 150.0
+    for key in ("noise", "varying"):
+        parity = _parity(pair, "rate", pair.usable, 0.0)
+        shift = np.where(late[:, None], 10.0, 0.0) * np.sqrt(np.nanmedian(getattr(parity, key), axis=0))
+        shifted = replace(parity, value=parity.value + shift)
+        found = _in_windows(shifted, pair, "rate", PROBABILITY)
+        assert found[late & pair.usable].all() and not found[pair.reference.time < 130.0].any()
 
 
 CONSTANT = {
@@ -147,7 +172,7 @@ def test_the_variance_of_the_parity_is_that_of_random_errors(telemetry):
     pair = _pair(*records, END)
     rows, draws = slice(800, 1200, 50), 20000  # high deceleration
     for triad, own in (("force", pair.force), ("rate", pair.rate)):
-        values, expected = own[rows], _variance(pair, triad, own)[rows]
+        values, expected = own[rows], sum(_variances(pair, triad, own))[rows]
         difference = np.zeros((draws, *values.shape))
         for record in records:
             e = record.errors[0]

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d, uniform_filter1d
 from scipy.special import chdtri
 
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline
@@ -41,6 +41,8 @@ from edl_filter.types import Array, BoolArray
 #: Length of the running median of the squared parity, s: several oscillations of an entry vehicle. Shorter faults are
 #: found sample by sample (`spikes`).
 WINDOW = 5.0
+#: Length of the mean of the parity, s: changes of a bias or a scale that single samples do not show.
+_LONG_WINDOW = 20.0
 #: Equal parts of the flight from each of which a consensus set is grown.
 _STARTS = 4
 #: Iterations of a consensus set, and of the delay.
@@ -80,6 +82,29 @@ class _Pair:
     force: Array
     arm_error: Array
     integral: InterpolatingSpline
+
+
+@dataclass(frozen=True)
+class _Parity:
+    """Difference of two IMUs that constant errors do not explain, and what it has without a fault.
+
+    Attributes
+    ----------
+    value, noise, varying : (N, 3) arrays
+        Parity, NaN where one IMU has no reading; its variances by noise and by errors that vary in flight.
+    delay : float
+        By how much the checked IMU is late, s.
+    """
+
+    value: Array
+    noise: Array
+    varying: Array
+    delay: float
+
+    @property
+    def square(self) -> Array:
+        """Squared length in units of the variance (N,)."""
+        return np.asarray(np.sum(self.value**2 / (self.noise + self.varying), axis=1))
 
 
 def disagreements(reference: ImuRecord, checked: ImuRecord, end: float, probability: float) -> list[SampleFinding]:
@@ -187,7 +212,7 @@ def independent_error(
     reference, checked = comparable_records(reference, checked)
     pair = _pair(reference, checked, end)
     agreed = pair.usable & ~_within(reference.time, findings)
-    _, delay = _squared_parity(pair, "rate", agreed, 0.0)
+    delay = _parity(pair, "rate", agreed, 0.0).delay
     edges = reference.edges + delay
     used = pair.usable & covered(checked, edges)
     used &= np.append(np.zeros(2, bool), used[:-2]) & np.append(used[2:], np.zeros(2, bool))
@@ -284,25 +309,48 @@ def _iterated_consensus(
     """Samples (N,) that disagree with a regression on the others, beginning with some rows (N,), and its delay, s."""
     significant = np.zeros(len(rows), bool)
     for iteration in range(_CONSENSUS):
-        square, delay = _squared_parity(pair, triad, rows, delay)
-        known = np.flatnonzero(np.isfinite(square))
-        reference = pair.reference
-        median = _running_median(square[known], reference)
-        bad = median > _limit(probability, reference, reference.time[known])
-        before, significant = significant, np.zeros(len(rows), bool)
-        # a median exceeds the limit where most of its window does: all of the window may be wrong
-        significant[known] = maximum_filter1d(bad.astype(np.int8), _samples(reference), mode="nearest") > 0
+        parity = _parity(pair, triad, rows, delay)
+        delay, before = parity.delay, significant
+        significant = _in_windows(parity, pair, triad, probability)
         rows = pair.usable & ~significant
         if np.count_nonzero(rows) < FEWEST_SAMPLES or (iteration and np.array_equal(significant, before)):
             break
     return significant, delay
 
 
-def _squared_parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> tuple[Array, float]:
-    """Squared length of the parity in units of its variance, (N,), NaN where one IMU has no reading; and the delay, s.
+def _in_windows(parity: _Parity, pair: _Pair, triad: str, probability: float) -> BoolArray:
+    """Samples (N,) in a window of which the median of the squares, or the mean of the parity, is significant.
 
-    The regression is fitted to `rows` (N,). Infinite where they are too few.
+    A median or a mean exceeds its limit where most of its window does: all of the window may be wrong. The mean is that
+    of the samples that no median marks. In it the noise averages out, and the errors that vary in flight do not. Where
+    the interpolation of the rates errs much, the regression's constants contain a part of it, which is in the mean of
+    all other samples: at most its root mean square.
     """
+    reference = pair.reference
+    significant = np.zeros(len(reference), bool)
+    square = parity.square
+    known = np.flatnonzero(np.isfinite(square))
+    size = _samples(reference, WINDOW)
+    median = np.asarray(median_filter(square[known], size=size, mode="mirror"), float)
+    bad = median > _limit(probability, size, len(known))
+    significant[known] = maximum_filter1d(bad.astype(np.int8), size, mode="nearest") > 0
+    known = np.flatnonzero(np.isfinite(square) & ~significant)
+    size = _samples(reference, _LONG_WINDOW)
+    if len(known) < size:
+        return significant
+    mean, noise, varying = (
+        uniform_filter1d(values[known], size, axis=0, mode="mirror")
+        for values in (parity.value, parity.noise, parity.varying)
+    )
+    unresolved = float(np.mean(pair.arm_error[known] ** 2)) if triad == "force" else 0.0
+    square = np.sum(mean**2 / (noise / size + varying + unresolved), axis=1)
+    bad = square > _limit(probability, size, len(known))
+    significant[known] |= maximum_filter1d(bad.astype(np.int8), size, mode="nearest") > 0
+    return significant
+
+
+def _parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> _Parity:
+    """Parity with the regression that is fitted to `rows` (N,), from a first delay, s; infinite where they are few."""
     reference = pair.reference
     edges = reference.edges
     own = pair.rate if triad == "rate" else pair.force
@@ -311,7 +359,8 @@ def _squared_parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> t
         used = pair.usable & covered(pair.checked, edges + delay)
         fitted = used & rows
         if np.count_nonzero(fitted) < FEWEST_SAMPLES:
-            return np.where(pair.usable, np.inf, np.nan), delay
+            infinite = np.where(pair.usable[:, None], np.inf, np.full((1, 3), np.nan))
+            return _Parity(infinite, np.ones_like(own), np.ones_like(own), delay)
         force, rate = means_between(pair.integral, edges + delay)
         difference = (force if triad == "force" else rate) - own
         columns = _arm_accelerations(pair, rate) if triad == "force" else []
@@ -325,7 +374,7 @@ def _squared_parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> t
             delays[k], weights[k] = values[4], np.sum(change[fitted, k] ** 2)
         if weights.any():
             delay = float(np.clip(delay + np.average(delays, weights=weights), -_LARGEST_DELAY, _LARGEST_DELAY))
-    return np.sum(parity**2 / _variance(pair, triad, own), axis=1), delay
+    return _Parity(parity, *_variances(pair, triad, own), delay)
 
 
 def _arm_accelerations(pair: _Pair, rate: Array) -> list[Array]:
@@ -354,8 +403,8 @@ def _regressors(time: Array, own: Array, change: Array, columns: list[Array], ax
     )
 
 
-def _variance(pair: _Pair, triad: str, own: Array) -> Array:
-    """Variance (N, 3) of the parity: noise of both IMUs, and stated errors that may vary in flight.
+def _variances(pair: _Pair, triad: str, own: Array) -> tuple[Array, Array]:
+    """Variances (N, 3) of the parity: by the noise of both IMUs, and by stated errors that may vary in flight.
 
     A scale error is along the reading of its axis, a misalignment across the readings of the others. Gyros have no
     stated misalignment; theirs counts as large as the scale error.
@@ -363,7 +412,7 @@ def _variance(pair: _Pair, triad: str, own: Array) -> Array:
     nearest = pair.checked.index_at(pair.reference.time)
     along = own**2
     across = np.sum(along, axis=1, keepdims=True) - along
-    variance = np.zeros_like(own)
+    variance, varying = np.zeros_like(own), np.zeros_like(own)
     for record, rows in ((pair.reference, slice(None)), (pair.checked, nearest)):
         errors = record.errors[0]
         noise, bias, scale, misalignment = (
@@ -376,23 +425,19 @@ def _variance(pair: _Pair, triad: str, own: Array) -> Array:
             if triad == "force"
             else (record.rate_noise, errors.gyro_bias, errors.gyro_scale, errors.gyro_scale)
         )
-        variance += noise[rows, None] ** 2 + bias**2 + scale**2 * along + misalignment**2 * across
-    return variance + pair.arm_error[:, None] ** 2 if triad == "force" else variance
+        variance += noise[rows, None] ** 2
+        varying += bias**2 + scale**2 * along + misalignment**2 * across
+    return variance + pair.arm_error[:, None] ** 2 if triad == "force" else variance, varying
 
 
-def _running_median(square: Array, record: ImuRecord) -> Array:
-    return np.asarray(median_filter(square, size=_samples(record), mode="mirror"), float)
+def _samples(record: ImuRecord, window: float) -> int:
+    """Odd number of samples of a window, s."""
+    return 2 * round(0.5 * window / float(np.median(record.interval))) + 1
 
 
-def _samples(record: ImuRecord) -> int:
-    """Odd number of samples of the running median."""
-    return 2 * round(0.5 * WINDOW / float(np.median(record.interval))) + 1
+def _limit(probability: float, size: int, count: int) -> float:
+    """Limit of a square with three degrees of freedom in each of the windows of a flight of `count` samples.
 
-
-def _limit(probability: float, record: ImuRecord, time: Array) -> float:
-    """Limit of a median of squares with three degrees of freedom each, for all windows of a flight.
-
-    The samples of a window may be correlated, at worst completely: then the median is one of them.
+    The samples of a window may be correlated, at worst completely: then their median is one of them.
     """
-    windows = max(1.0, len(time) / _samples(record))
-    return float(chdtri(3, probability / windows))
+    return float(chdtri(3, probability / max(1.0, count / size)))
