@@ -165,6 +165,14 @@ def test_an_axis_that_reads_one_value_throughout_is_dead(value, columns, names):
     assert checked(readings)[1] == []  # without a stated noise nothing is known
 
 
+def test_an_axis_whose_motion_is_within_one_step_of_its_quantisation_is_not_dead():
+    """The accelerometers show their noise, the gyros nothing: they are coarse."""
+    readings = np.random.default_rng(2).standard_normal((4000, 6))
+    readings[:, 3] = 20.0 * np.round(2.0 * np.sin(0.01 * np.arange(4000)))
+    readings[:, 4:] = 0.0
+    assert [f for f in with_noise(readings)[1] if f.samples == 4000] == []
+
+
 @pytest.mark.parametrize("at_rest", [0, 800])
 def test_an_axis_on_which_nothing_acts_in_a_simulation_without_noise_is_not_dead(at_rest):
     """Also where the others have the oscillations of a whole flight, and are at rest for a part of it."""

@@ -96,6 +96,32 @@ def test_a_clock_that_is_not_steady_has_no_steps():
     assert findings == []
 
 
+@pytest.mark.parametrize(("rate", "ratio"), [(100.0, 1e-3), (200.0, 1e-3), (62.0, 0.0), (59.0, 0.0), (128.0, 0.0)])
+def test_stamps_that_are_rounded_are_no_jumps(rate, ratio):
+    """To a millisecond, which is up to a fifth of an interval: a jump for each unit would add up to seconds."""
+    exact = (1.0 + ratio) / rate * np.arange(1, int(200.0 * rate))
+    stamps, _ = evened(np.round(exact, 3), 1.0 / rate, "a")
+    time, _, findings = ordered_packets(stamps, np.zeros((len(exact), 6)), 1.0 / rate, "a")
+    assert np.abs(time - exact).max() < 1.1e-3 and findings == []
+
+
+@pytest.mark.parametrize("share", [0.012, 0.015, 0.019])
+def test_a_small_scatter_of_the_stamps_is_no_sequence_of_jumps(share):
+    stamps = TIME + share * INTERVAL * np.random.default_rng(4).standard_normal(len(TIME))
+    time, _, findings = ordered(evened(stamps, INTERVAL, "a")[0])
+    assert np.abs(time - TIME).max() < 5.0 * share * INTERVAL and findings == []
+
+
+def test_a_jump_is_found_beside_packets_out_of_order():
+    stamps = TIME + np.where(np.arange(2000) >= 700, 0.4 * INTERVAL, 0.0)
+    order = np.arange(2000)
+    order[[1500, 1501]] = 1501, 1500
+    time, readings, findings = ordered(stamps[order], READINGS[order])
+    np.testing.assert_allclose(time, TIME, atol=1e-9)
+    np.testing.assert_array_equal(readings, READINGS)
+    assert {f.kind for f in findings} == {"clock_jump", "reordered"}
+
+
 @settings(deadline=None, max_examples=60)
 @given(
     st.lists(

@@ -38,6 +38,7 @@ from edl_filter.pipeline.redundancy import Run, contradicting, undecided
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.clock_drift import drift_ratio
+from edl_filter.telemetry.disagreement import LATE
 from edl_filter.telemetry.record import Telemetry
 from edl_filter.telemetry.sample_filling import INFLATION
 from edl_filter.telemetry.sample_repair import alone, interpolated_stretches
@@ -242,11 +243,13 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
 def _two_clocks(reconstruction: Reconstruction) -> str | None:
     """That force and rate of one IMU are late against each other, as words; None without that, or in the model."""
     found = [f for f in reconstruction.telemetry.findings if f.kind == "delay"]
-    if not found or any(effect.name == "imu_time_offset" for effect in reconstruction.effects):
+    least = LATE * float(np.median(reconstruction.telemetry.driving.interval))
+    offsets = [e.values["tau"] for e in reconstruction.effects if e.name == "imu_time_offset"]
+    if not found or any(abs(tau) > least for tau in offsets):
         return None
     return (
-        f"force and rate of one IMU have different clocks: {found[0].repair.split(';')[0]}, which no other measurement "
-        "contradicts; 'edl-filter diagnose' can name the IMU (effect imu_time_offset)"
+        f"force and rate of one IMU have different clocks: {found[0].repair.split(';')[0]}; 'edl-filter diagnose' can "
+        "name the IMU (effect imu_time_offset)"
     )
 
 

@@ -49,9 +49,10 @@ _STARTS = 4
 _CONSENSUS, _DELAY = 10, 3
 #: Largest delay that is a constant error, s: that of the catalogue of effects.
 _LARGEST_DELAY = 2.0
-#: Least difference between the delays of two triads, in sampling intervals. On 16 simulated flights with two IMUs it is
-#: estimated as 0.006 at most, on the rovers as 0.05, since the accelerometers are not both linear.
-_LATE = 0.1
+#: Least difference between the delays of two triads, in sampling intervals and in sigmas, and least share of the
+#: comparison in which both IMUs are read. On simulated flights with two IMUs the difference is estimated as 0.02 at
+#: most, on the rovers as 0.05, since the accelerometers are not both linear.
+LATE, _LATE_SIGMAS, _LATE_SHARE = 0.1, 6.0, 0.5
 #: Fewest samples of a regression on the difference; distance of its slope from 0 or 1, in sigmas and because constant
 #: errors are part of the difference, that is still one of them; ratio of mean squares by which an IMU is much smoother.
 _FEWEST, _SIGMAS, _SLOPE, _SMOOTHER = 20, 3.0, 0.1, 4.0
@@ -85,6 +86,14 @@ class _Pair:
 
 
 @dataclass(frozen=True)
+class _Delays:
+    """By how much the force and the rate of the checked IMU are late, and one sigma, (2,) arrays, s."""
+
+    value: Array
+    sigma: Array
+
+
+@dataclass(frozen=True)
 class _Parity:
     """Difference of two IMUs that constant errors do not explain, and what it has without a fault.
 
@@ -92,14 +101,20 @@ class _Parity:
     ----------
     value, noise, varying : (N, 3) arrays
         Parity, NaN where one IMU has no reading; its variances by noise and by errors that vary in flight.
-    delay : float
+    attenuation : (N, 3) array
+        What the noise of the regressors adds to the parity by the bias of the scale (errors in variables: Fuller 1987,
+        Measurement Error Models, section 1.1): the reading of the axis about its mean, times the share of its noise in
+        the squares that are left of it by the other regressors.
+    delay, delay_sigma : float
         By how much the checked IMU is late, s.
     """
 
     value: Array
     noise: Array
     varying: Array
+    attenuation: Array
     delay: float
+    delay_sigma: float
 
     @property
     def square(self) -> Array:
@@ -144,22 +159,22 @@ def disagreements(reference: ImuRecord, checked: ImuRecord, end: float, probabil
             )
             for a, b in runs(rows)
         ]
-    delays = both[0][2]
-    if not findings and _differ(delays, -both[1][2], float(np.median(reference.interval))):
-        start, stop = max(reference.start, checked.start), float(min(reference.time[-1], checked.time[-1], end))
-        late = f"by {delays[0]:+.3f} s in the force and by {delays[1]:+.3f} s in the rate"
-        words = f"{checked.name} is late against {reference.name} {late}"
+    start, stop = max(reference.start, checked.start), float(min(reference.time[-1], checked.time[-1], end))
+    whole = min(end, reference.time[-1]) - reference.start
+    if not findings and stop - start > _LATE_SHARE * whole and _differ(both[0][2], both[1][2], both[0][0]):
+        force, rate = (f"{abs(d):.3f} s {'later' if d > 0.0 else 'earlier'}" for d in both[0][2].value)
+        words = f"{checked.name} reads the force {force} and the rate {rate} than {reference.name}"
         findings.append(SampleFinding(reference.name, "all", start, stop, 0, "delay", f"{words}; kept"))
     return findings
 
 
 def _significant(
     reference: ImuRecord, checked: ImuRecord, end: float, probability: float
-) -> tuple[dict[str, BoolArray], Array]:
-    """Samples (N,) of each triad of the reference with a significant parity; delays of force and rate, s."""
+) -> tuple[dict[str, BoolArray], _Delays]:
+    """Samples (N,) of each triad of the reference with a significant parity; delays of force and rate."""
     pair = _pair(reference, checked, end)
     if np.count_nonzero(pair.usable) < FEWEST_SAMPLES:
-        return {triad: np.zeros(len(reference), bool) for triad in TRIADS}, np.zeros(2)
+        return {triad: np.zeros(len(reference), bool) for triad in TRIADS}, _Delays(np.zeros(2), np.full(2, np.inf))
     rate, delay = _consensus(pair, "rate", 0.0, probability)
     force, force_delay = _consensus(pair, "force", 0.0, probability)
     if force.any():  # forces and rates may have delays of their own
@@ -167,17 +182,20 @@ def _significant(
             ((force, force_delay), _consensus(pair, "force", delay, probability)),
             key=lambda option: np.count_nonzero(option[0]),
         )
-    return {"force": force, "rate": rate}, np.array([force_delay, delay])
+    sigma = [_parity(pair, *fit).delay_sigma for fit in (("force", ~force, force_delay), ("rate", ~rate, delay))]
+    return {"force": force, "rate": rate}, _Delays(np.array([force_delay, delay]), np.array(sigma))
 
 
-def _differ(first: Array, second: Array, interval: float) -> bool:
-    """Whether force and rate have different delays, by two estimates of both (2,), s.
+def _differ(first: _Delays, second: _Delays, record: ImuRecord) -> bool:
+    """Whether force and rate have different delays, by estimates with each IMU as the reference of the other one.
 
-    Each IMU is the reference of one estimate. An error that is not linear in the motion resembles a delay, by which the
-    two differ.
+    An error that is not linear in the motion resembles a delay, by which the two estimates differ. `record` has the
+    samples of the comparison.
     """
-    apart = [float(delays[0] - delays[1]) for delays in (first, second)]
-    return apart[0] * apart[1] > 0.0 and min(map(abs, apart)) > _LATE * interval
+    apart = float(first.value[0] - first.value[1]), float(second.value[1] - second.value[0])
+    sigma = max(float(np.hypot(*delays.sigma)) for delays in (first, second))
+    least = max(LATE * float(np.median(record.interval)), _LATE_SIGMAS * sigma)
+    return apart[0] * apart[1] > 0.0 and min(map(abs, apart)) > least
 
 
 def independent_error(
@@ -338,12 +356,12 @@ def _in_windows(parity: _Parity, pair: _Pair, triad: str, probability: float) ->
     size = _samples(reference, _LONG_WINDOW)
     if len(known) < size:
         return significant
-    mean, noise, varying = (
+    mean, noise, varying, attenuation = (
         uniform_filter1d(values[known], size, axis=0, mode="mirror")
-        for values in (parity.value, parity.noise, parity.varying)
+        for values in (parity.value, parity.noise, parity.varying, parity.attenuation)
     )
     unresolved = float(np.mean(pair.arm_error[known] ** 2)) if triad == "force" else 0.0
-    square = np.sum(mean**2 / (noise / size + varying + unresolved), axis=1)
+    square = np.sum(mean**2 / (noise / size + varying + attenuation**2 + unresolved), axis=1)
     bad = square > _limit(probability, size, len(known))
     significant[known] |= maximum_filter1d(bad.astype(np.int8), size, mode="nearest") > 0
     return significant
@@ -354,27 +372,37 @@ def _parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> _Parity:
     reference = pair.reference
     edges = reference.edges
     own = pair.rate if triad == "rate" else pair.force
+    own_noise = reference.rate_noise if triad == "rate" else reference.force_noise
     change = np.diff(edge_values(reference.interval, own), axis=0) / reference.interval[:, None]
     for _ in range(_DELAY):
         used = pair.usable & covered(pair.checked, edges + delay)
         fitted = used & rows
         if np.count_nonzero(fitted) < FEWEST_SAMPLES:
             infinite = np.where(pair.usable[:, None], np.inf, np.full((1, 3), np.nan))
-            return _Parity(infinite, np.ones_like(own), np.ones_like(own), delay)
+            ones = np.ones_like(own)
+            return _Parity(infinite, ones, ones, ones, delay, np.inf)
         force, rate = means_between(pair.integral, edges + delay)
         difference = (force if triad == "force" else rate) - own
         columns = _arm_accelerations(pair, rate) if triad == "force" else []
         parity = np.full_like(own, np.nan)
-        delays, weights = np.zeros(3), np.zeros(3)
+        delays, weights, variances = np.zeros(3), np.zeros(3), np.zeros(3)
+        attenuation = np.zeros_like(own)
         for k in range(3):
             design = _regressors(reference.time, own, change, columns, k)
             size = np.maximum(np.linalg.norm(design[fitted], axis=0), 1e-300)
             values = np.linalg.lstsq(design[fitted] / size, difference[fitted, k], rcond=1e-10)[0] / size
             parity[used, k] = difference[used, k] - design[used] @ values
             delays[k], weights[k] = values[4], np.sum(change[fitted, k] ** 2)
+            scaled = design[fitted] / size
+            inverse = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / size**2
+            variances[k] = np.mean(parity[fitted, k] ** 2) * inverse[4]
+            share = min(float(np.sum(own_noise[fitted] ** 2)) * inverse[1 + k], 1.0)
+            attenuation[:, k] = share * (own[:, k] - np.mean(own[fitted, k]))
+        delay_sigma = np.inf
         if weights.any():
             delay = float(np.clip(delay + np.average(delays, weights=weights), -_LARGEST_DELAY, _LARGEST_DELAY))
-    return _Parity(parity, *_variances(pair, triad, own), delay)
+            delay_sigma = float(np.sqrt(np.sum(weights**2 * variances)) / np.sum(weights))
+    return _Parity(parity, *_variances(pair, triad, own), attenuation, delay, delay_sigma)
 
 
 def _arm_accelerations(pair: _Pair, rate: Array) -> list[Array]:

@@ -44,7 +44,9 @@ _WEIGHT_ITERATIONS = 3
 #: Iterations of the linearisation.
 _ITERATIONS = 3
 #: Least scatter of an axis and size of a column; and sigma of a parameter that the differences do not contain.
-_LEAST, _UNKNOWN = 1e-150, 1e6
+_LEAST, _UNKNOWN = 1e-60, 1e6
+#: Least scatter of an axis relative to the largest one of its triad.
+_LEAST_SHARE = 1e-6
 
 #: Parameters in the order of the regression, and their numbers.
 _BLOCKS = {
@@ -231,6 +233,12 @@ def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, ar
     return design
 
 
+def _at_least(scatter: Array) -> Array:
+    """Scatter (6,) of the axes, limited from below."""
+    largest = np.repeat(np.max(scatter.reshape(2, 3), axis=1), 3)
+    return np.maximum(scatter, np.maximum(_LEAST_SHARE * largest, _LEAST))
+
+
 def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Weighted least squares with the covariance of correlated residuals.
 
@@ -253,7 +261,7 @@ def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dic
     products = np.swapaxes(design, 1, 2) @ design  # of each axis, whose weights change
     projections = (differences[:, None, :] @ design)[:, 0]
     # an axis that reads one value throughout has no scatter, and a parameter that moves nothing no size
-    scatter = np.maximum(np.std(differences, axis=1), _LEAST)
+    scatter = _at_least(np.std(differences, axis=1))
     for _ in range(_WEIGHT_ITERATIONS):
         weight = scatter**-2.0
         normal = np.tensordot(weight, products, 1)
@@ -261,7 +269,7 @@ def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dic
         inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
         values = inverse @ (weight @ projections / size) / size
         residual = differences - design @ values
-        scatter = np.maximum(np.std(residual, axis=1), _LEAST)
+        scatter = _at_least(np.std(residual, axis=1))
     scores = sum((weight[k] * residual[k])[:, None] * design[k] for k in range(6)) / size
     length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
     _, block = np.unique(np.floor((times - times[0]) / length), return_inverse=True)

@@ -183,21 +183,24 @@ def lost_readings(
 
 
 def _dead_axes(readings: Array, noise: tuple[float, float]) -> list[int]:
-    """Columns of (N, 6) that read one value throughout, while another column has at least a part of its stated noise.
+    """Columns of (N, 6) that read one value throughout, while others have at least a part of their stated noise.
 
-    A simulation without noise may have axes on which nothing acts; its other axes are smooth where the vehicle is
-    calm. Their fourth difference, of independent noise √70 times its sigma, is compared at its quantile of 10 %, which
-    is 0.126 sigmas of a normal distribution.
+    The others are those of the triad, or, where all of it reads one value, those of the other triad: coarse steps of
+    the quantisation may contain the whole motion about an axis. A simulation without noise may have axes on which
+    nothing acts; its other axes are smooth where the vehicle is calm. Their fourth difference, of independent noise √70
+    times its sigma, is compared at its quantile of 10 %, which is 0.126 sigmas of a normal distribution.
     """
     constant = [k for k, v in enumerate(readings.T) if np.isfinite(v).any() and np.nanmin(v) == np.nanmax(v)]
-    for column in range(6):
+    shown = set()
+    for column in set(range(6)) - set(constant):
         fourth = np.abs(np.diff(readings[:, column], 4))
         fourth = fourth[np.isfinite(fourth)]
-        if column not in constant and len(fourth) >= _REPEAT_REACH:
+        if len(fourth) >= _REPEAT_REACH:
             sigma = float(np.quantile(fourth, 0.1)) / 0.126 / np.sqrt(70.0)
             if sigma > _SHOWN * noise[column // 3]:
-                return constant
-    return []
+                shown.add(column // 3)
+    whole = {triad for triad in (0, 1) if {3 * triad, 3 * triad + 1, 3 * triad + 2} <= set(constant)}
+    return [column for column in constant if (column // 3 in shown) or (column // 3 in whole and shown)]
 
 
 def _repeated_extremes(values: Array, probability: float) -> list[float]:

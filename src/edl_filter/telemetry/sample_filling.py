@@ -185,7 +185,8 @@ def _refuse_long_gap(record: ImuRecord, triad: str, a: int, b: int, settings: Ch
     if end - start > settings.longest_gap_s or b - a >= len(record) - 2:
         raise InputError(
             f"IMU '{record.name}': no usable samples of its {triad} from {start:.3f} to {end:.3f} s, and no other IMU "
-            f"has them; at most {settings.longest_gap_s:g} s are filled without one (sample_checks.longest_gap_s)."
+            f"has complete ones; at most {settings.longest_gap_s:g} s are filled without one "
+            "(sample_checks.longest_gap_s)."
         )
 
 

@@ -80,7 +80,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     """
     settings = CheckSettings() if settings is None else settings
     records = [telemetry.driving, *telemetry.checking]
-    findings = list(telemetry.findings)
+    findings = [f for f in telemetry.findings if f.kind != "delay"]  # found again, if the IMUs are compared
     if settings.enabled and len(records) > 1:
         for i, second in ((0, records[1]), (1, records[0])):
             records[i], findings = _without_clock_jumps(records[i], second, findings)
@@ -111,7 +111,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if nothing_bad and unchanged and all(is_complete(record) for record in records):
         checking = tuple(with_interpolation_noise(record, records[0]) for record in records[1:])
         same = all(a is b for a, b in zip(checking, telemetry.checking, strict=True))
-        if len(findings) > len(telemetry.findings):
+        if findings != list(telemetry.findings):
             telemetry = replace(telemetry, findings=tuple(findings))
         return telemetry if same else replace(telemetry, checking=checking, as_read=_as_read(telemetry))
     sources = [next((r for k, r in enumerate(records) if k != i), None) for i in range(len(records))]

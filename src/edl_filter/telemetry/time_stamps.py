@@ -29,8 +29,12 @@ _INTERVAL = 0.05
 _FEWEST = 100
 #: Largest number of successive packets with wrong times that are given times by counting.
 _WRONG_TIMES = 8
-#: Share of steps that are whole intervals from which the clock is steady, and their largest departure, in intervals.
-_STEADY, _IN_STEP = 0.8, 0.05
+#: Share of steps that are whole intervals from which the clock is steady; and their largest departure, in intervals and
+#: in robust sigmas of all steps. The share of faults is small: rounded stamps may leave their steps more often.
+_STEADY, _IN_STEP, _SCATTERS = 0.95, 0.05, 6.0
+#: Largest unit of rounded stamps, in intervals; fewest steps, and their largest size in intervals, by which stamps are
+#: rounded to a larger one.
+_COARSEST, _MANY, _SMALL = 0.1, 10, 0.25
 
 
 def evened(time: Array, interval: float, imu: str) -> tuple[Array, list[SampleFinding]]:
@@ -100,18 +104,29 @@ def ordered_packets(
     readings : (M, 6) array
     findings : list of SampleFinding
     """
+    finite = np.isfinite(time)
+    time, readings = time[finite], readings[finite]
+    increasing = bool(np.all(np.diff(time) > 0.0))
+    findings: list[SampleFinding] = []
+    if increasing:  # packets between two others are recognised before close ones are counted
+        time, readings, findings = _in_step(time, readings, interval, imu)
+    if np.any(np.diff(time) <= 0.25 * interval):
+        time, readings, more = _in_order(time, readings, interval, imu)
+        findings += more
+    if not increasing:
+        time, readings, more = _in_step(time, readings, interval, imu)
+        findings += more
+    return time, readings, findings
+
+
+def _in_order(time: Array, readings: Array, interval: float, imu: str) -> tuple[Array, Array, list[SampleFinding]]:
+    """Packets in the order of time, each once, with steps of more than a quarter of the interval."""
     findings: list[SampleFinding] = []
 
     def report(kind: str, at: Array, samples: int, repair: str) -> None:
         start, end = float(np.min(at)) - interval, float(np.max(at))
         findings.append(SampleFinding(imu, "all", start, end, samples, kind, repair))
 
-    finite = np.isfinite(time)
-    time, readings = time[finite], readings[finite]
-    if np.all(np.diff(time) > 0.0):
-        time, readings, findings = _in_step(time, readings, interval, imu)
-    if np.all(np.diff(time) > 0.25 * interval):
-        return time, readings, findings
     order = np.argsort(time, kind="stable")
     close = np.flatnonzero(np.diff(time[order]) < 0.25 * interval)
     first, second = order[close], order[close + 1]
@@ -170,8 +185,10 @@ def _in_step(time: Array, readings: Array, interval: float, imu: str) -> tuple[A
     step = float(np.median(np.diff(time))) if len(time) >= _FEWEST else 0.0
     if not abs(step / interval - 1.0) < _INTERVAL:
         return time, readings, []
-    in_step = np.abs(_fraction(np.diff(time) / step)) <= _IN_STEP
-    if in_step.all() or in_step.mean() < _STEADY:
+    fraction = _fraction(np.diff(time) / step)
+    tolerance = _tolerance(time, fraction, step)
+    in_step = np.abs(fraction) <= tolerance
+    if in_step.all() or in_step.mean() < _STEADY or _is_rounded(fraction[~in_step]):
         return time, readings, []
     findings: list[SampleFinding] = []
 
@@ -181,18 +198,16 @@ def _in_step(time: Array, readings: Array, interval: float, imu: str) -> tuple[A
 
     begins = (np.flatnonzero(~in_step) + 1).tolist()
     out, retained = time.copy(), np.ones(len(time), bool)
-    last, removed = (
-        int(begins[0]) - 1,
-        0.0,
-    )  # the latest packet in step; by how much the clock has jumped since the first
+    last = begins[0] - 1  # the latest packet in step
+    removed = 0.0  # by how much the clock has jumped since the first packet, s
     for first, end in zip(begins, [*begins[1:], len(time)], strict=True):
         out[first:end] -= removed
         steps = float(out[first] - out[last]) / step
-        if abs(_fraction(steps)) <= _IN_STEP:
+        if abs(_fraction(steps)) <= tolerance:
             last = end - 1
             continue
         following = float(time[end] - removed - out[last]) / step if end < len(time) else np.inf
-        if end - first <= _WRONG_TIMES and following < np.inf and abs(_fraction(following)) <= _IN_STEP:
+        if end - first <= _WRONG_TIMES and following < np.inf and abs(_fraction(following)) <= tolerance:
             count = min(round(following) - 1, end - first)
             out[first : first + count] = out[last] + step * np.arange(1, count + 1)
             retained[first + count : end] = False
@@ -209,6 +224,28 @@ def _in_step(time: Array, readings: Array, interval: float, imu: str) -> tuple[A
             out[first:end] -= jump
         last = end - 1
     return out[retained], readings[retained], findings
+
+
+def _tolerance(time: Array, fraction: Array, step: float) -> float:
+    """Largest departure of a step from whole intervals by which it is in step, in intervals.
+
+    Stamps scatter by themselves, and those that are rounded to a decimal place by its unit.
+    """
+    scatter = 1.4826 * float(np.median(np.abs(fraction)))
+    for exponent in range(-1, -7, -1):
+        unit = 10.0**exponent
+        if unit <= _COARSEST * step and np.all(np.abs(time / unit - np.round(time / unit)) < 1e-4):
+            return max(_IN_STEP, _SCATTERS * scatter, 1.5 * unit / step)
+    return max(_IN_STEP, _SCATTERS * scatter)
+
+
+def _is_rounded(fraction: Array) -> bool:
+    """Whether steps out of step are those of rounded stamps: many, all of one small size and in one direction."""
+    sizes = np.abs(fraction)
+    middle = float(np.median(sizes))
+    same = np.abs(sizes - middle) < 0.1 * middle
+    one_way = max(np.mean(fraction > 0.0), np.mean(fraction < 0.0))
+    return len(fraction) >= _MANY and middle < _SMALL and min(float(np.mean(same)), float(one_way)) > 0.9
 
 
 def _fraction(steps: Array | float) -> Array:
