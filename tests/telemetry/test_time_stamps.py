@@ -88,6 +88,16 @@ def test_missing_samples_may_change_the_phase_of_the_sensor():
     assert findings == []
 
 
+def test_packets_with_wrong_times_between_missing_samples_stay_at_their_place():
+    kept = np.r_[0:800, 810:815, 825:2000]
+    stamps = TIME[kept].copy()
+    stamps[800:805] += 0.3 * INTERVAL
+    time, readings, (finding,) = ordered(stamps, READINGS[kept])
+    np.testing.assert_allclose(time, TIME[kept], atol=1e-9)
+    np.testing.assert_array_equal(readings, READINGS[kept])
+    assert (finding.kind, finding.samples) == ("clock_jump", 5)
+
+
 def test_a_clock_that_is_not_steady_has_no_steps():
     """Stamps that scatter by more than `evened` takes for errors of a steady clock."""
     stamps = np.cumsum(INTERVAL * np.random.default_rng(1).uniform(0.6, 1.4, 2000))

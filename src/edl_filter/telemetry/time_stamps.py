@@ -208,8 +208,12 @@ def _in_step(time: Array, readings: Array, interval: float, imu: str) -> tuple[A
             continue
         following = float(time[end] - removed - out[last]) / step if end < len(time) else np.inf
         if end - first <= _WRONG_TIMES and following < np.inf and abs(_fraction(following)) <= tolerance:
-            count = min(round(following) - 1, end - first)
-            out[first : first + count] = out[last] + step * np.arange(1, count + 1)
+            places = round(following) - 1
+            count = min(places, end - first)
+            steps_after = np.arange(1, count + 1)
+            if places > count:  # samples are missing beside them
+                steps_after = np.clip(np.round((out[first:end] - out[last]) / step), 1, places).astype(np.int64)
+            out[first : first + count] = out[last] + step * steps_after
             retained[first + count : end] = False
             if count:
                 report("clock_jump", first, first + count, "wrong times of packets, replaced by counting")
