@@ -31,13 +31,12 @@ from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     BY_DYNAMICS,
     PARACHUTE_MARGIN,
+    SHORTEST_BY_DYNAMICS,
     fill_sigma,
     tilt_variance,
 )
 from edl_filter.types import Array, BoolArray, IntArray
 
-#: Shortest stretch that is filled, s: in a shorter one the autoregression is as good.
-SHORTEST = 0.5
 #: A new fill changes the path of the vehicle, and with it the fill: most repetitions, and the change of the sums over a
 #: stretch, in sigmas, from which on it is not repeated.
 PASSES, _SAME_FILL = 4, 0.3
@@ -80,7 +79,7 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
     result, base = first, first.telemetry
     end = parachute - PARACHUTE_MARGIN
     stretches = {s for f in base.findings if _has_autoregression(f, base) for s in f.interpolated}
-    long = [(a, b) for a, b in _merged(stretches) if b - a > SHORTEST - SAME_TIME and b < end]
+    long = [(a, b) for a, b in _merged(stretches) if b - a > SHORTEST_BY_DYNAMICS - SAME_TIME and b < end]
     chosen = sorted(long, key=lambda s: (s[0] - s[1], s[0]))[:MOST_STRETCHES]
     solutions: dict[tuple[float, float], Solution] = {}
     for _ in range(PASSES if chosen else 0):

@@ -9,7 +9,6 @@ import numpy as np
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
 from edl_filter.effects.forward_model import compose_air_rotation, compose_body
 from edl_filter.errors import InputError
-from edl_filter.pipeline.dynamics_filling import SHORTEST
 from edl_filter.pipeline.forward_model import body_of, changed_bodies, database_of
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.postflight.airdata import AirData, air_data
@@ -18,6 +17,7 @@ from edl_filter.postflight.events import Event, events
 from edl_filter.postflight.inputs import PostflightInputs, at_middles
 from edl_filter.postflight.windows import Window
 from edl_filter.telemetry.record import SAME_TIME
+from edl_filter.telemetry.sample_filling import SHORTEST_BY_DYNAMICS
 from edl_filter.telemetry.sample_repair import interpolated_stretches
 from edl_filter.types import Array, BoolArray
 
@@ -178,7 +178,7 @@ def _is_read(reconstruction: Reconstruction, fill_sigma: Array) -> BoolArray:
     samples = reconstruction.problem.samples
     middle, unread = samples.time - 0.5 * samples.interval, np.zeros(len(samples.time), bool)
     for start, end in interpolated_stretches(reconstruction.telemetry):
-        if end - start > SHORTEST - SAME_TIME:
+        if end - start > SHORTEST_BY_DYNAMICS - SAME_TIME:
             unread |= (middle > start) & (middle < end)
     return np.asarray(~(unread[:, None] & (fill_sigma > 0.0)))
 

@@ -38,6 +38,8 @@ INFLATION = 3.0
 #: Repair of a stretch that no other IMU covers, and where dynamics have filled it anew.
 BY_AUTOREGRESSION = "filled by a fitted oscillation"
 BY_DYNAMICS = "filled by rotational dynamics with the database"
+#: Shortest stretch that these fill, s: in a shorter one the autoregression is as good.
+SHORTEST_BY_DYNAMICS = 0.5
 #: Repair of the part of a stretch in which the parachute opens.
 ACROSS_OPENING = "filled across the parachute's opening from both sides"
 #: Samples on each side of a stretch to which an autoregression is fitted: at least, and relative to its length.
