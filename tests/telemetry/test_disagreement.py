@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from edl_filter.effects.sensors import delayed
-from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
-from edl_filter.telemetry.disagreement import _in_windows, _pair, _parity, _variances, disagreements, independent_error
+from edl_filter.telemetry.disagreement import _in_windows, disagreements, independent_error
 from edl_filter.telemetry.flight_file import read_flight_file
+from edl_filter.telemetry.parity import pair_of, parity_of
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import UNDECIDED, repaired, without_samples
@@ -77,15 +77,15 @@ def test_a_rate_bias_below_the_noise_is_found_in_the_mean_of_its_window(size, at
 
 def test_the_mean_of_the_parity_has_the_errors_that_vary_and_not_the_noise(telemetry):
     """Of sound records the squared mean is below its limit by far, and above it with ten sigmas of a bias in a half."""
-    pair = _pair(telemetry.driving, telemetry.checking[0], END)
-    assert not _in_windows(_parity(pair, "rate", pair.usable, 0.0), pair, "rate", PROBABILITY).any()
+    pair = pair_of(telemetry.driving, telemetry.checking[0], END)
+    assert not _in_windows(parity_of(pair, "rate", pair.usable, 0.0), pair, "rate", PROBABILITY).any()
     late = pair.reference.time > 150.0
     for key in ("noise", "varying"):
-        parity = _parity(pair, "rate", pair.usable, 0.0)
+        parity = parity_of(pair, "rate", pair.usable, 0.0)
         shift = np.where(late[:, None], 10.0, 0.0) * np.sqrt(np.nanmedian(getattr(parity, key), axis=0))
         shifted = replace(parity, value=parity.value + shift)
-        found = _in_windows(shifted, pair, "rate", PROBABILITY)
-        assert found[late & pair.usable].all() and not found[pair.reference.time < 130.0].any()
+        significant = _in_windows(shifted, pair, "rate", PROBABILITY)
+        assert significant[late & pair.usable].all() and not significant[pair.reference.time < 130.0].any()
 
 
 @pytest.mark.parametrize(("gyro", "accelerometer"), [(3e-4, 0.0), (1e-3, 0.03)])
@@ -186,36 +186,6 @@ def test_a_scale_that_changes_in_flight_is_no_misalignment(rover, at_fault):
         records = [rovers.driving, rovers.checking[0]]
         records[at_fault] = with_change(records[at_fault], FORCE, lambda v, change=change: change * v, start=151.0)
         assert (disagreements(*records, end, PROBABILITY) == []) is agree
-
-
-def test_the_variance_of_the_parity_is_that_of_random_errors(telemetry):
-    """Biases, scale errors and misalignments of both IMUs are drawn with their stated sigmas, and the noise."""
-    random = np.random.default_rng(0)
-    records = [
-        replace(r, errors=(SensorErrors(0.02, 2e-3, 5e-3, 1e-4, 3e-3),))
-        for r in (telemetry.driving, telemetry.checking[0])
-    ]
-    pair = _pair(*records, END)
-    rows, draws = slice(800, 1200, 50), 20000  # high deceleration
-    for triad, own in (("force", pair.force), ("rate", pair.rate)):
-        values, expected = own[rows], sum(_variances(pair, triad, own))[rows]
-        difference = np.zeros((draws, *values.shape))
-        for record in records:
-            e = record.errors[0]
-            sigmas = (
-                (record.force_noise[0], e.accelerometer_bias, e.accelerometer_scale, e.accelerometer_misalignment)
-                if triad == "force"
-                else (record.rate_noise[0], e.gyro_bias, e.gyro_scale, e.gyro_scale)
-            )
-            noise_sigma, bias, scale, misalignment = sigmas
-            matrix = misalignment * random.standard_normal((draws, 3, 3))
-            matrix[:, range(3), range(3)] = scale * random.standard_normal((draws, 3))
-            difference += np.einsum("dij,nj->dni", matrix, values)
-            difference += bias * random.standard_normal((draws, 1, 3))
-            difference += noise_sigma * random.standard_normal(difference.shape)
-        if triad == "force":
-            expected = expected - pair.arm_error[rows, None] ** 2
-        np.testing.assert_allclose(difference.var(axis=0), expected, rtol=6.0 * np.sqrt(2.0 / draws))
 
 
 def test_noise_that_is_stated_too_small_by_half_is_no_disagreement(telemetry):

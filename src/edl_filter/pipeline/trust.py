@@ -242,13 +242,13 @@ def lost_motion(reconstruction: Reconstruction) -> str | None:
 
 def _two_clocks(reconstruction: Reconstruction) -> str | None:
     """That force and rate of one IMU are late against each other, as words; None without that, or in the model."""
-    found = [f for f in reconstruction.telemetry.findings if f.kind == "delay"]
+    delays = [f for f in reconstruction.telemetry.findings if f.kind == "delay"]
     least = LATE * float(np.median(reconstruction.telemetry.driving.interval))
     offsets = [e.values["tau"] for e in reconstruction.effects if e.name == "imu_time_offset"]
-    if not found or any(abs(tau) > least for tau in offsets):
+    if not delays or any(abs(tau) > least for tau in offsets):
         return None
     return (
-        f"force and rate of one IMU have different clocks: {found[0].repair.split(';')[0]}; 'edl-filter diagnose' can "
+        f"force and rate of one IMU have different clocks: {delays[0].repair.split(';')[0]}; 'edl-filter diagnose' can "
         "name the IMU (effect imu_time_offset)"
     )
 

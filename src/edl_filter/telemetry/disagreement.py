@@ -1,18 +1,13 @@
 """Stretches over which two IMUs of one rigid vehicle differ by more than constant errors explain.
 
-Input: records of both in body axes, bad samples NaN. Method: parity of two redundant sensors (Potter & Suman 1977,
-AGARD-AG-224; Gertler 1998, Fault Detection and Diagnosis in Engineering Systems, chapter 5). The readings of the second
-IMU are moved to the place and samples of the first; their difference is regressed on what constant errors of either
-IMU add to it (`_regressors`): biases, all scale errors and misalignments, lever arm, delay, and a drift of the clocks.
-The remainder is the parity: it has the noise of both, and their stated errors as far as these vary in flight. An IMU
-with a constant error, however large, has no parity; to name it is left to the diagnosis. A fault of some samples
-changes the constants within the flight. The regression is that with the largest consensus set (Fischler & Bolles 1981,
-Communications of the ACM 24, 381): the fewest samples disagree with it. Since a fault is also in the regressors of the
-IMU that has it, where it may look like a scale error, each IMU is regressed on the other one. If one IMU samples much
-more often, its means over the samples of the other one are compared (`resampling`). Where force and rate have
-different delays, a triad of one IMU is late against its other triad, a constant error that no measurement contradicts.
-Output: runs of samples whose parity is significant, such delays, and the IMU that has the difference as an error of its
-own (`independent_error`).
+Input: records of both in body axes, bad samples NaN. Method: an IMU with a constant error, however large, has no
+`parity`; to name it is left to the diagnosis. A fault of some samples changes the constants within the flight. The
+regression is that with the largest consensus set (Fischler & Bolles 1981, Communications of the ACM 24, 381): the
+fewest samples disagree with it. Since a fault is also in the regressors of the IMU that has it, where it may look like
+a scale error, each IMU is regressed on the other one. If one IMU samples much more often, its means over the samples of
+the other one are compared (`resampling`). Where force and rate have different delays, a triad of one IMU is late
+against its other triad, a constant error that no measurement contradicts. Output: runs of samples whose parity is
+significant, such delays, and the IMU that has the difference as an error of its own (`independent_error`).
 """
 
 from __future__ import annotations
@@ -21,20 +16,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, median_filter, minimum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 from scipy.special import chdtri
 
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline
-from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, lever_arm_acceleration
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.parity import Pair, Parity, pair_of, parity_of
+from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
-from edl_filter.telemetry.resampling import (
-    comparable_records,
-    covered,
-    interpolation_sigma,
-    means_between,
-    readings_integral,
-)
+from edl_filter.telemetry.resampling import comparable_records, covered, means_between
 from edl_filter.telemetry.sample_checks import interpolation_error, runs
 from edl_filter.types import Array, BoolArray
 
@@ -45,10 +33,8 @@ WINDOW = 5.0
 _LONG_WINDOW = 20.0
 #: Equal parts of the flight from each of which a consensus set is grown.
 _STARTS = 4
-#: Iterations of a consensus set, and of the delay.
-_CONSENSUS, _DELAY = 10, 3
-#: Largest delay that is a constant error, s: that of the catalogue of effects.
-_LARGEST_DELAY = 2.0
+#: Iterations of a consensus set.
+_CONSENSUS = 10
 #: Least difference between the delays of two triads, in sampling intervals and in sigmas, and least share of the
 #: comparison in which both IMUs are read. On simulated flights with two IMUs the difference is estimated as 0.02 at
 #: most, on the rovers as 0.05, since the accelerometers are not both linear.
@@ -60,66 +46,11 @@ TRIADS = {"force": "specific_force", "rate": "angular_rate"}
 
 
 @dataclass(frozen=True)
-class _Pair:
-    """Two IMUs, and what their comparison needs.
-
-    Attributes
-    ----------
-    reference, checked : ImuRecord
-    usable : (N,) boolean array
-        Samples of the reference that are direct readings before the end of the comparison.
-    rate, force : (N, 3) arrays
-        Readings of the reference, the force at the place of the checked IMU; zero where lost.
-    arm_error : (N,) array
-        One sigma of the force by the interpolation between the rates' samples (`interpolation_sigma`), m/s².
-    integral : InterpolatingSpline
-        Of the checked IMU's readings.
-    """
-
-    reference: ImuRecord
-    checked: ImuRecord
-    usable: BoolArray
-    rate: Array
-    force: Array
-    arm_error: Array
-    integral: InterpolatingSpline
-
-
-@dataclass(frozen=True)
 class _Delays:
     """By how much the force and the rate of the checked IMU are late, and one sigma, (2,) arrays, s."""
 
     value: Array
     sigma: Array
-
-
-@dataclass(frozen=True)
-class _Parity:
-    """Difference of two IMUs that constant errors do not explain, and what it has without a fault.
-
-    Attributes
-    ----------
-    value, noise, varying : (N, 3) arrays
-        Parity, NaN where one IMU has no reading; its variances by noise and by errors that vary in flight.
-    attenuation : (N, 3) array
-        What the noise of the regressors adds to the parity by the bias of the scale (errors in variables: Fuller 1987,
-        Measurement Error Models, section 1.1): the reading of the axis about its mean, times the share of its noise in
-        the squares that are left of it by the other regressors.
-    delay, delay_sigma : float
-        By how much the checked IMU is late, s.
-    """
-
-    value: Array
-    noise: Array
-    varying: Array
-    attenuation: Array
-    delay: float
-    delay_sigma: float
-
-    @property
-    def square(self) -> Array:
-        """Squared length in units of the variance (N,)."""
-        return np.asarray(np.sum(self.value**2 / (self.noise + self.varying), axis=1))
 
 
 def disagreements(reference: ImuRecord, checked: ImuRecord, end: float, probability: float) -> list[SampleFinding]:
@@ -172,7 +103,7 @@ def _significant(
     reference: ImuRecord, checked: ImuRecord, end: float, probability: float
 ) -> tuple[dict[str, BoolArray], _Delays]:
     """Samples (N,) of each triad of the reference with a significant parity; delays of force and rate."""
-    pair = _pair(reference, checked, end)
+    pair = pair_of(reference, checked, end)
     if np.count_nonzero(pair.usable) < FEWEST_SAMPLES:
         return {triad: np.zeros(len(reference), bool) for triad in TRIADS}, _Delays(np.zeros(2), np.full(2, np.inf))
     rate, delay = _consensus(pair, "rate", 0.0, probability)
@@ -182,7 +113,7 @@ def _significant(
             ((force, force_delay), _consensus(pair, "force", delay, probability)),
             key=lambda option: np.count_nonzero(option[0]),
         )
-    sigma = [_parity(pair, *fit).delay_sigma for fit in (("force", ~force, force_delay), ("rate", ~rate, delay))]
+    sigma = [parity_of(pair, *fit).delay_sigma for fit in (("force", ~force, force_delay), ("rate", ~rate, delay))]
     return {"force": force, "rate": rate}, _Delays(np.array([force_delay, delay]), np.array(sigma))
 
 
@@ -228,9 +159,9 @@ def independent_error(
     names = reference.name, checked.name
     evidence = dict.fromkeys(names, 0.0)
     reference, checked = comparable_records(reference, checked)
-    pair = _pair(reference, checked, end)
+    pair = pair_of(reference, checked, end)
     agreed = pair.usable & ~_within(reference.time, findings)
-    delay = _parity(pair, "rate", agreed, 0.0).delay
+    delay = parity_of(pair, "rate", agreed, 0.0).delay
     edges = reference.edges + delay
     used = pair.usable & covered(checked, edges)
     used &= np.append(np.zeros(2, bool), used[:-2]) & np.append(used[2:], np.zeros(2, bool))
@@ -280,28 +211,7 @@ def _slope(values: Array, regressor: Array) -> tuple[float, float]:
     return slope, float(np.sqrt(max(np.sum(scores**2), _mean_square(residual) * square))) / square
 
 
-def _pair(reference: ImuRecord, checked: ImuRecord, end: float) -> _Pair:
-    rate, force = np.nan_to_num(reference.angular_rate), np.nan_to_num(reference.specific_force)
-
-    nearest = checked.index_at(reference.time - 0.5 * reference.interval)
-    usable = finite_rows(reference.specific_force) & finite_rows(reference.angular_rate) & ~reference.filled
-    usable = minimum_filter1d(usable.astype(np.int8), 2 * EDGE_REACH + 1, mode="nearest") > 0  # changes reach across
-    arm = checked.position[nearest] - reference.position
-    usable &= ~reference.coning_corrected & ~reference.sculling_corrected & (reference.time <= end)
-    if usable.any():
-        usable &= reference.unit == np.bincount(reference.unit[usable]).argmax()
-    return _Pair(
-        reference,
-        checked,
-        usable,
-        rate,
-        force + lever_arm_acceleration(reference.interval, rate, arm, reference.unit),
-        interpolation_sigma(reference.interval, rate) * np.linalg.norm(arm, axis=1),
-        readings_integral(checked, checked.specific_force, checked.angular_rate),
-    )
-
-
-def _consensus(pair: _Pair, triad: str, delay: float, probability: float) -> tuple[BoolArray, float]:
+def _consensus(pair: Pair, triad: str, delay: float, probability: float) -> tuple[BoolArray, float]:
     """Samples (N,) with a significant parity, by the regression with which the fewest have one, and its delay, s."""
     best = _iterated_consensus(pair, triad, pair.usable, delay, probability)
     if not best[0].any():
@@ -322,12 +232,12 @@ def _starts(usable: BoolArray) -> Iterator[BoolArray]:
 
 
 def _iterated_consensus(
-    pair: _Pair, triad: str, rows: BoolArray, delay: float, probability: float
+    pair: Pair, triad: str, rows: BoolArray, delay: float, probability: float
 ) -> tuple[BoolArray, float]:
     """Samples (N,) that disagree with a regression on the others, beginning with some rows (N,), and its delay, s."""
     significant = np.zeros(len(rows), bool)
     for iteration in range(_CONSENSUS):
-        parity = _parity(pair, triad, rows, delay)
+        parity = parity_of(pair, triad, rows, delay)
         delay, before = parity.delay, significant
         significant = _in_windows(parity, pair, triad, probability)
         rows = pair.usable & ~significant
@@ -336,7 +246,7 @@ def _iterated_consensus(
     return significant, delay
 
 
-def _in_windows(parity: _Parity, pair: _Pair, triad: str, probability: float) -> BoolArray:
+def _in_windows(parity: Parity, pair: Pair, triad: str, probability: float) -> BoolArray:
     """Samples (N,) in a window of which the median of the squares, or the mean of the parity, is significant.
 
     A median or a mean exceeds its limit where most of its window does: all of the window may be wrong. The mean is that
@@ -365,97 +275,6 @@ def _in_windows(parity: _Parity, pair: _Pair, triad: str, probability: float) ->
     bad = square > _limit(probability, size, len(known))
     significant[known] |= maximum_filter1d(bad.astype(np.int8), size, mode="nearest") > 0
     return significant
-
-
-def _parity(pair: _Pair, triad: str, rows: BoolArray, delay: float) -> _Parity:
-    """Parity with the regression that is fitted to `rows` (N,), from a first delay, s; infinite where they are few."""
-    reference = pair.reference
-    edges = reference.edges
-    own = pair.rate if triad == "rate" else pair.force
-    own_noise = reference.rate_noise if triad == "rate" else reference.force_noise
-    change = np.diff(edge_values(reference.interval, own), axis=0) / reference.interval[:, None]
-    for _ in range(_DELAY):
-        used = pair.usable & covered(pair.checked, edges + delay)
-        fitted = used & rows
-        if np.count_nonzero(fitted) < FEWEST_SAMPLES:
-            infinite = np.where(pair.usable[:, None], np.inf, np.full((1, 3), np.nan))
-            ones = np.ones_like(own)
-            return _Parity(infinite, ones, ones, ones, delay, np.inf)
-        force, rate = means_between(pair.integral, edges + delay)
-        difference = (force if triad == "force" else rate) - own
-        columns = _arm_accelerations(pair, rate) if triad == "force" else []
-        parity = np.full_like(own, np.nan)
-        delays, weights, variances = np.zeros(3), np.zeros(3), np.zeros(3)
-        attenuation = np.zeros_like(own)
-        for k in range(3):
-            design = _regressors(reference.time, own, change, columns, k)
-            size = np.maximum(np.linalg.norm(design[fitted], axis=0), 1e-300)
-            values = np.linalg.lstsq(design[fitted] / size, difference[fitted, k], rcond=1e-10)[0] / size
-            parity[used, k] = difference[used, k] - design[used] @ values
-            delays[k], weights[k] = values[4], np.sum(change[fitted, k] ** 2)
-            scaled = design[fitted] / size
-            inverse = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / size**2
-            variances[k] = np.mean(parity[fitted, k] ** 2) * inverse[4]
-            share = min(float(np.sum(own_noise[fitted] ** 2)) * inverse[1 + k], 1.0)
-            attenuation[:, k] = share * (own[:, k] - np.mean(own[fitted, k]))
-        delay_sigma = np.inf
-        if weights.any():
-            delay = float(np.clip(delay + np.average(delays, weights=weights), -_LARGEST_DELAY, _LARGEST_DELAY))
-            delay_sigma = float(np.sqrt(np.sum(weights**2 * variances)) / np.sum(weights))
-    return _Parity(parity, *_variances(pair, triad, own), attenuation, delay, delay_sigma)
-
-
-def _arm_accelerations(pair: _Pair, rate: Array) -> list[Array]:
-    """Six lever-arm accelerations (N, 3) for one metre along each axis, by the rates (N, 3) of both IMUs.
-
-    An error of the gyros of one IMU, or their delay against its accelerometers, is in the acceleration by its rates.
-    """
-    reference = pair.reference
-    return [
-        lever_arm_acceleration(reference.interval, rates, np.tile(axis, (len(rate), 1)), reference.unit)
-        for rates in (pair.rate, np.ascontiguousarray(rate))
-        for axis in np.eye(3)
-    ]
-
-
-def _regressors(time: Array, own: Array, change: Array, columns: list[Array], axis: int) -> Array:
-    """Derivatives (N, P) of one axis of the difference by bias, scale, misalignments, delay, drift and lever arm."""
-    return np.column_stack(
-        [
-            np.ones(len(own)),
-            *own.T,
-            -change[:, axis],
-            -(time - time.mean()) * change[:, axis],
-            *(column[:, axis] for column in columns),
-        ]
-    )
-
-
-def _variances(pair: _Pair, triad: str, own: Array) -> tuple[Array, Array]:
-    """Variances (N, 3) of the parity: by the noise of both IMUs, and by stated errors that may vary in flight.
-
-    A scale error is along the reading of its axis, a misalignment across the readings of the others. Gyros have no
-    stated misalignment; theirs counts as large as the scale error.
-    """
-    nearest = pair.checked.index_at(pair.reference.time)
-    along = own**2
-    across = np.sum(along, axis=1, keepdims=True) - along
-    variance, varying = np.zeros_like(own), np.zeros_like(own)
-    for record, rows in ((pair.reference, slice(None)), (pair.checked, nearest)):
-        errors = record.errors[0]
-        noise, bias, scale, misalignment = (
-            (
-                record.force_noise,
-                errors.accelerometer_bias,
-                errors.accelerometer_scale,
-                errors.accelerometer_misalignment,
-            )
-            if triad == "force"
-            else (record.rate_noise, errors.gyro_bias, errors.gyro_scale, errors.gyro_scale)
-        )
-        variance += noise[rows, None] ** 2
-        varying += bias**2 + scale**2 * along + misalignment**2 * across
-    return variance + pair.arm_error[:, None] ** 2 if triad == "force" else variance, varying
 
 
 def _samples(record: ImuRecord, window: float) -> int:
