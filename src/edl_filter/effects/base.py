@@ -84,6 +84,9 @@ class Effect:
     source : str
         Source of form and plausible size.
     parameters : tuple of Parameter
+    interpolates_rates : bool
+        Whether `corrected` interpolates the rates between samples, as for a delay. The diagnosis then predicts the
+        error of the interpolation by the hook `imu`, which must also accept means over parts of the samples.
     half_turn : tuple of str
         Sizes that change their sign with half a turn of the phases: estimates are stated with the first not negative.
     number : int
@@ -100,6 +103,7 @@ class Effect:
     shows: ClassVar[str] = ""
     region: ClassVar[str] = "everywhere"
     source: ClassVar[str] = ""
+    interpolates_rates: ClassVar[bool] = False
     half_turn: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     file: Path | None = None

@@ -174,6 +174,7 @@ class ImuTimeOffset(Effect):
     )
     source = "channels of one telemetry stream may differ by about a sample, at 8 Hz"
     parameters = (Parameter("tau", "s", "delay of the gyros' samples", 0.1, low=-2.0, high=2.0),)
+    interpolates_rates = True
 
     def imu(self, p: Values, time: Array, force: Array, rate: Array) -> tuple[Array, Array]:
         """Rates of the time `tau` earlier."""

@@ -1,4 +1,6 @@
-"""The error of interpolated lever-arm accelerations, against rotations whose integrals have a closed form."""
+"""Errors of interpolated rates and lever-arm accelerations, against rotations whose integrals have a closed form."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,7 +9,8 @@ from scipy.interpolate import PPoly
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.prediction.interpolation_error import interpolation_error
+from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, lever_arm_error, rate_error
+from edl_filter.diagnosis.prediction.residuals import InterpolationErrors
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
@@ -33,14 +36,28 @@ def triangle_wave(axis_phases=(0.0, 0.31, 0.57), period=0.83, amplitude=12.0):
     return [PPoly(pieces, breaks + phase * period) for phase in axis_phases]
 
 
-def samples_of(mean_rate):
+def record_of(mean_rate):
     zeros = np.zeros(COUNT)
-    record = ImuRecord(
+    return ImuRecord(
         "first", TIME, np.full(COUNT, DT), np.zeros((COUNT, 3)), mean_rate, np.zeros((COUNT, 3)), zeros, zeros, zeros,
         zeros.astype(bool), zeros.astype(bool), zeros.astype(int), ("first",), zeros.astype(int), ("test",),
         (SensorErrors(),),
     )  # fmt: skip
-    return effective_samples(record)
+
+
+def samples_of(mean_rate):
+    return effective_samples(record_of(mean_rate))
+
+
+def lever_arm_errors(samples, time, alpha, positions, rate_errors=None):
+    none = np.zeros((COUNT, 3))
+    return lever_arm_error(
+        PredictedRotation(time, alpha), samples, none if rate_errors is None else rate_errors, positions
+    )
+
+
+def delay(tau, imu=None):
+    return EffectInstance(find_effect("imu_time_offset"), {"tau": tau}, imu=imu)
 
 
 def motion(acceleration):
@@ -55,13 +72,77 @@ def motion(acceleration):
     return mean_rate, exact
 
 
+def delayed_means(acceleration, tau):
+    """Mean rates over the intervals that end `tau` before the samples, from the antiderivatives."""
+    edges = np.append(0.0, TIME) - tau
+    return np.column_stack([np.diff(a.antiderivative(2)(edges)) / DT for a in acceleration])
+
+
+# --- rates -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tau", [0.5 * DT, -0.5 * DT, 0.3 * DT, 2.5 * DT])
+def test_the_error_of_rates_that_are_shifted_in_time_is_predicted(tau):
+    acceleration = triangle_wave()
+    exact, read = delayed_means(acceleration, 0.0), delayed_means(acceleration, tau)
+    corrected = delay(tau).effect.corrected({"tau": tau}, TIME, np.zeros((COUNT, 3)), read)[1]
+    alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
+    predicted = rate_error(PredictedRotation(NODE_TIMES, alpha), record_of(read), (delay(tau),), True)
+    inside = slice(8, COUNT - 8)
+    size = np.sqrt(np.mean((exact - corrected)[inside] ** 2))
+    assert size > 1e-3  # rad/s: some tens of sigmas of a gyro
+    assert np.sqrt(np.mean((exact - corrected - predicted)[inside] ** 2)) < 0.15 * size
+
+
+def test_rates_that_no_delay_shifts_have_no_error():
+    alpha = np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
+    rotation, record = PredictedRotation(NODE_TIMES, alpha), record_of(np.zeros((COUNT, 3)))
+    scale = EffectInstance(find_effect("gyro_scale"), {"sx": 0.01, "sy": 0.0, "sz": 0.0})
+    for effects, driving in (((), True), ((scale,), True), ((delay(0.06, "second"),), True), ((delay(0.06),), False)):
+        assert not rate_error(rotation, record, effects, driving).any(), effects
+    assert rate_error(rotation, record, (delay(0.06, "first"),), False).any()
+    assert np.abs(rate_error(rotation, record, (delay(0.0),), True)).max() < 1e-12
+
+
+def test_only_samples_of_the_instrument_that_is_late_have_an_error():
+    alpha = np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
+    unit = (TIME > 5.0).astype(int)
+    record = replace(record_of(np.zeros((COUNT, 3))), unit=unit, units=("first", "later"), errors=(SensorErrors(),) * 2)
+    error = rate_error(PredictedRotation(NODE_TIMES, alpha), record, (delay(0.06, "later"),), True)
+    assert not error[unit == 0].any() and error[unit == 1].any()
+
+
+def test_rates_outside_the_prediction_have_no_error():
+    alpha, half = np.column_stack([a(NODE_TIMES) for a in triangle_wave()]), NODES * COUNT // 2
+    rotation = PredictedRotation(NODE_TIMES[40 : half + 1], alpha[40 : half + 1])
+    error = rate_error(rotation, record_of(np.zeros((COUNT, 3))), (delay(0.06),), True)
+    assert not error[:10].any() and not error[COUNT // 2 :].any() and error[10 : COUNT // 2].all()
+
+
+# --- lever arms ------------------------------------------------------------------------------------------------------
+
+
+def test_the_lever_arm_of_rates_that_are_shifted_in_time_is_predicted():
+    acceleration, tau = triangle_wave(), 0.5 * DT
+    _, exact = motion(acceleration)
+    read = delayed_means(acceleration, tau)
+    corrected = delay(tau).effect.corrected({"tau": tau}, TIME, np.zeros((COUNT, 3)), read)[1]
+    samples, places = samples_of(corrected), np.tile(ARM, (COUNT, 1))
+    true = exact - lever_arm_acceleration(samples.interval, corrected, places, samples.unit)
+    alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
+    of_rates = rate_error(PredictedRotation(NODE_TIMES, alpha), record_of(read), (delay(tau),), True)
+    (predicted,) = lever_arm_errors(samples, NODE_TIMES, alpha, [places], of_rates)
+    inside = slice(8, COUNT - 8)
+    assert np.sqrt(np.mean((predicted - true)[inside] ** 2)) < 0.15 * np.sqrt(np.mean(true[inside] ** 2))
+
+
 def test_the_error_at_changes_of_slope_is_predicted():
     acceleration = triangle_wave()
     mean_rate, exact = motion(acceleration)
     samples, places = samples_of(mean_rate), np.tile(ARM, (COUNT, 1))
     true = exact - lever_arm_acceleration(samples.interval, mean_rate, places, samples.unit)
     alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
-    (predicted,) = interpolation_error(samples, NODE_TIMES, alpha, [places])
+    (predicted,) = lever_arm_errors(samples, NODE_TIMES, alpha, [places])
     inside = slice(EDGE_REACH, COUNT - EDGE_REACH)
     size = np.sqrt(np.mean(true[inside] ** 2))
     assert size > 0.02  # m/s²: several sigmas of an accelerometer
@@ -73,7 +154,7 @@ def test_a_smooth_motion_has_none():
     alpha = np.column_stack([3.0 * np.sin(w * NODE_TIMES + phase) for phase in (0.0, 1.0, 2.0)])
     edges = np.append(0.0, TIME)
     mean_rate = np.column_stack([np.diff(-3.0 * np.sin(w * edges + p) / w**2) / DT for p in (0.0, 1.0, 2.0)])
-    (predicted,) = interpolation_error(samples_of(mean_rate), NODE_TIMES, alpha, [np.tile(ARM, (COUNT, 1))])
+    (predicted,) = lever_arm_errors(samples_of(mean_rate), NODE_TIMES, alpha, [np.tile(ARM, (COUNT, 1))])
     assert np.abs(predicted).max() < 3e-3
 
 
@@ -81,9 +162,7 @@ def test_a_place_at_the_centre_of_mass_and_times_without_prediction_have_none():
     alpha = np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
     samples, places = samples_of(np.zeros((COUNT, 3))), np.tile(ARM, (COUNT, 1))
     half = NODES * COUNT // 2
-    at_centre, at_place = interpolation_error(
-        samples, NODE_TIMES[: half + 1], alpha[: half + 1], [0.0 * places, places]
-    )
+    at_centre, at_place = lever_arm_errors(samples, NODE_TIMES[: half + 1], alpha[: half + 1], [0.0 * places, places])
     assert np.all(at_centre == 0.0) and np.any(at_place != 0.0)
     assert np.all(at_place[:EDGE_REACH] == 0.0) and np.all(at_place[COUNT // 2 - EDGE_REACH :] == 0.0)
 
@@ -93,8 +172,13 @@ def test_it_is_linear_in_a_slow_rotation(factor):
     """Products of rates are of second order; without them it is proportional to the angular acceleration."""
     alpha = 1e-4 * np.column_stack([a(NODE_TIMES) for a in triangle_wave()])
     samples, places = samples_of(np.zeros((COUNT, 3))), [np.tile(ARM, (COUNT, 1))]
-    (single,), (scaled,) = (interpolation_error(samples, NODE_TIMES, f * alpha, places) for f in (1.0, factor))
+    (single,), (scaled,) = (lever_arm_errors(samples, NODE_TIMES, f * alpha, places) for f in (1.0, factor))
     np.testing.assert_allclose(scaled, factor * single, atol=1e-3 * np.abs(single).max())
+
+
+def no_errors(reference, inputs, residuals, effects):
+    none = (np.zeros((len(reference.bins.interval), 3)),) * (1 + len(inputs.checking))
+    return InterpolationErrors(none, none)
 
 
 @pytest.mark.slow
@@ -104,8 +188,19 @@ def test_forces_of_a_flight_with_large_angles_agree_with_the_true_model(tmp_path
     path = simulate(Scenario.load("builtin:mer"), (hidden,), 3).write(tmp_path / "flight.h5")
     case = load_case(Mission.load("builtin:practice_mer", [f"telemetry.path={path}"]), (hidden,))
     corrected = model_rms(linearization.linearize(case))
-    monkeypatch.setattr(linearization, "lever_arm_errors", lambda *_: ())
+    monkeypatch.setattr(linearization, "interpolation_errors", no_errors)
     interpolated = model_rms(linearization.linearize(case))
     for name in ("force_x", "force_y", "force_z", "secondary_force_x", "secondary_force_y", "secondary_force_z"):
         assert 0.9 < corrected[name] < 1.2, name
         assert interpolated[name] > 2.0, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("imu", [None, "secondary"])
+def test_a_model_with_gyros_that_are_late_by_half_a_sample_holds(tmp_path, monkeypatch, imu):
+    hidden = delay(0.06, imu)
+    path = simulate(Scenario.load("builtin:mer"), (hidden,), 3).write(tmp_path / "flight.h5")
+    case = load_case(Mission.load("builtin:practice_mer", [f"telemetry.path={path}"]), (hidden,))
+    assert linearization.linearize(case).excess_variance.is_zero
+    monkeypatch.setattr(linearization, "interpolation_errors", no_errors)
+    assert not linearization.linearize(case).holds

@@ -1,4 +1,4 @@
-"""Readings of a checking IMU, the correction of lever arms, and the order of residuals in the residual vector."""
+"""Readings of a checking IMU, the correction of interpolated readings, and the order of the residual vector."""
 
 from dataclasses import fields, replace
 from types import SimpleNamespace
@@ -13,11 +13,12 @@ from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.dead_reckoning import path_nodes
 from edl_filter.diagnosis.prediction.predicted_readings import fine_rule_sigma, flow_at, predict
 from edl_filter.diagnosis.prediction.residuals import (
+    InterpolationErrors,
     Residuals,
     RowIndex,
     _checking_residuals,
     bin_readings,
-    correct_lever_arms,
+    correct_interpolation,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects import EffectInstance
@@ -51,19 +52,32 @@ def test_a_checking_imu_is_predicted_at_the_place_of_each_sample():
 
 
 def test_an_error_that_both_imus_have_is_no_difference_between_them():
-    """The driving IMU's force is corrected by its own error; a checking one by its own less that of the driving IMU."""
-    force, checking = np.arange(12.0).reshape(4, 3), 10.0 + np.arange(12.0).reshape(4, 3)
+    """The driving IMU is corrected by its own error; a checking one by its own less that of the driving IMU."""
+    values, checking = np.arange(12.0).reshape(4, 3), 10.0 + np.arange(12.0).reshape(4, 3)
     error, further = np.full((4, 3), 0.25), np.full((4, 3), 0.5)
     residuals = Residuals(
-        **{f.name: None for f in fields(Residuals)} | {"force": force, "checking_force": (checking, checking)}
-    )
-    corrected = correct_lever_arms(residuals, (error, error, error + further))
-    np.testing.assert_array_equal(corrected.force, force - 0.25)
+        **{f.name: None for f in fields(Residuals)}
+        | {
+            "force": values, "checking_force": (checking, checking), "rate_step": values[1:],
+            "checking_rate": (checking, checking),
+        }
+    )  # fmt: skip
+    both = (error, error, error + further)
+    corrected = correct_interpolation(residuals, InterpolationErrors(both, both))
+    np.testing.assert_array_equal(corrected.force, values - 0.25)
     np.testing.assert_array_equal(corrected.checking_force[0], checking)
     np.testing.assert_array_equal(corrected.checking_force[1], checking - 0.5)
-    assert correct_lever_arms(residuals, ()) is residuals
+    np.testing.assert_array_equal(corrected.rate_step, values[1:])  # a constant error has no step
+    np.testing.assert_array_equal(corrected.checking_rate[0], checking)
+    np.testing.assert_array_equal(corrected.checking_rate[1], checking + 0.5)
+    growing = (values, values, values)
+    np.testing.assert_array_equal(
+        correct_interpolation(residuals, InterpolationErrors(both, growing)).rate_step,
+        values[1:] + np.diff(values, axis=0),
+    )
+    assert correct_interpolation(residuals, None) is residuals
     with pytest.raises(ValueError, match="shorter"):
-        correct_lever_arms(residuals, (error, error))  # an IMU without its error
+        correct_interpolation(residuals, InterpolationErrors((error, error), both))  # an IMU without its error
 
 
 # --- quadrature of the predictions -----------------------------------------------------------------------------------

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty, checking_state
 from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
+from edl_filter.diagnosis.prediction.residuals import InterpolationErrors, ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means, bin_sigma
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.imu_model.lever_arm import edge_weights
@@ -30,6 +30,9 @@ _STEP_NOISE_SHARE = 0.05
 _REGIME_SIGMAS, _DECLINE_SIGMAS = 3.0, 0.25
 #: Variance of the errors of two tables in units of that of one: its upper bound, (1 + 1)² where they are correlated.
 _EITHER_REGIME = 4.0
+#: Bins over which the error of an interpolation across a discontinuity spreads: a spline's error declines by a factor
+#: of four with each sample.
+_INTERPOLATED_BINS = 7
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity, and number of edges of
 #: that median, ten before and ten after: smooth motion changes less over ten bins, and one discontinuity does not
 #: change a median.
@@ -69,6 +72,7 @@ def bin_rows(
     jacobian: PredictionJacobian,
     uncertainty: StatedUncertainty,
     flow_distance: Array,
+    interpolation: InterpolationErrors,
 ) -> BinRows:
     """Design matrix, noise and residuals of the rows at the bins' ends.
 
@@ -90,6 +94,8 @@ def bin_rows(
         Uncertainties that the mission states.
     flow_distance : (M - 1,) array
         Distances between adjoining nodes, in correlation lengths of the database's discrepancy.
+    interpolation : InterpolationErrors
+        For which the residuals are corrected.
     """
     samples, layout = inputs.problem.samples, nuisance.layout
     b, imus = len(bins.interval), len(inputs.checking)
@@ -183,7 +189,8 @@ def bin_rows(
         checking_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
         lever = discontinuity_sigma(bins, path_rate, record.position[at_bin] - position)
         noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + checking_f**2)[:, None] + lever**2
-        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None]
+        interpolated = misplaced_interpolation_sigma(interpolation.rate[1 + i] - interpolation.rate[0])
+        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None] + either[:, None] * interpolated**2
         for c in range(3):  # the driving IMU's noise is common to its own row and to those of all checking IMUs
             noise[:, c, f0 + c] = noise[:, f0 + c, c] = -(sigma_f**2)
             for j in range(i):
@@ -221,6 +228,26 @@ def weight_of_either_regime(model: ForwardModel, altitude: Array, density_sigma:
     beyond = np.maximum(distance - _REGIME_SIGMAS, 0.0) / _DECLINE_SIGMAS
     in_bin = np.max(np.exp(-0.5 * beyond**2)[:-1].reshape(-1, NODES_PER_BIN), axis=1)
     return np.maximum(in_bin, np.append(in_bin[1:], 0.0))  # the step of the rate spans the next bin too
+
+
+def misplaced_interpolation_sigma(error: Array) -> Array:
+    """Error that remains of a predicted interpolation error where a discontinuity has another place or size.
+
+    Where the flow changes from one table to another, the moment changes by a step, whose place and size are not known
+    to a fraction of a bin. The error of rates that are interpolated across it is then predicted with a wrong pattern,
+    and what remains is as large as the error itself.
+
+    Parameters
+    ----------
+    error : (B, 3) array
+        Predicted, means over the bins.
+
+    Returns
+    -------
+    (B, 3) array
+        In the unit of `error`: its largest size in the bins around each.
+    """
+    return np.asarray(maximum_filter1d(np.abs(error), _INTERPOLATED_BINS, axis=0), float)
 
 
 def discontinuity_sigma(bins: TimeBins, rate: Array, position: Array) -> Array:

@@ -41,8 +41,8 @@ from edl_filter.diagnosis.prediction.residuals import (
     PathReference,
     bin_readings,
     compute_residuals,
-    correct_lever_arms,
-    lever_arm_errors,
+    correct_interpolation,
+    interpolation_errors,
 )
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
@@ -78,8 +78,8 @@ def linearize_at(
     transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
     reference = PathReference(bins, point.start.nav[:10], point.errors, transitions.onboard, deviation=point.deviation)
     residuals = compute_residuals(reference, inputs)
-    errors = lever_arm_errors(reference, inputs, residuals)
-    reference, residuals = replace(reference, lever_arm_errors=errors), correct_lever_arms(residuals, errors)
+    errors = interpolation_errors(reference, inputs, residuals, effects)
+    reference, residuals = replace(reference, interpolation_errors=errors), correct_interpolation(residuals, errors)
     perturbation, field = point.perturbation, None
     if perturbation is not None:
         units, field = perturbation.units, perturbation.field
@@ -100,7 +100,7 @@ def linearize_at(
     distance = uncertainty.discrepancy.flow_distance(
         flow.mach, flow.knudsen, tables.continuum_limit, tables.join == "switch"
     )
-    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty, distance)
+    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty, distance, errors)
     state_space, index = assemble_state_space(
         inputs, bins, transitions, rows, nuisance, uncertainty, residuals, distance
     )

@@ -1,10 +1,12 @@
-"""Error of lever-arm accelerations that are computed from mean rates, predicted by the forward model.
+"""Errors of readings that are interpolated between samples, predicted by the forward model.
 
-The acceleration of an IMU's place needs the rates at the edges of the samples and the products of the rates inside
-them. From means over the samples they follow by interpolation only (`imu_model.lever_arm.edge_values`), which has the
+Two corrections of an IMU's readings interpolate between the means over the samples: the acceleration of the IMU's place
+needs the rates at the edges of the samples and the products of the rates inside them (`imu_model.lever_arm`), and a
+time offset of the gyros needs the rates between the samples (`effects.sensors.delayed`). The interpolation has the
 order of its stencil where the motion is smooth. It has not where the moment changes its slope inside a sample: at the
-nodes of an aerodynamic table that is linear between them. On a vehicle that swings through 30° at 8 Hz the
-interpolation is wrong by up to 60 sigmas of an accelerometer.
+nodes of an aerodynamic table that is linear between them. Motion near half of the sampling frequency cannot be
+interpolated at all. On a vehicle that swings through 30° at 8 Hz the lever-arm acceleration is wrong by up to 60 sigmas
+of an accelerometer; a step of rates that are shifted by half a sample is wrong by five sigmas at angles of 8°.
 
 The forward model predicts the angular acceleration at several nodes in each bin. The same interpolation of the means
 of the predicted rates, compared with the predicted rates themselves, shows its error. Only differences of rates over a
@@ -18,6 +20,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.sensor_chain import samples_of, sensor_effects
 from edl_filter.imu_model.lever_arm import (
     EDGE_REACH,
     lever_arm_acceleration,
@@ -25,42 +29,117 @@ from edl_filter.imu_model.lever_arm import (
 )
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.rotation_corrections import nodes
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array
 
 #: Gauss-Legendre nodes in a sample: exact for products of rates that are polynomials of fourth degree.
 QUADRATURE_NODES = 5
+#: Parts of a sample over which a sensor that reads at another time is simulated.
+PARTS = 8
+#: Time before and after the prediction over which its acceleration is continued, s: more than a time offset reaches.
+MARGIN_S = 4.0
 
 
-def interpolation_error(
-    samples: Samples, time: Array, angular_acceleration: Array, positions: Sequence[Array]
+class PredictedRotation:
+    """A rotation that starts with zero rate and has a predicted angular acceleration.
+
+    Parameters
+    ----------
+    time : (M,) array
+        s, increasing.
+    angular_acceleration : (M, 3) array
+        Predicted at `time`, rad/s², body axes. It is constant before the first and after the last time.
+    """
+
+    def __init__(self, time: Array, angular_acceleration: Array) -> None:
+        self.begin, self.end = float(time[0]), float(time[-1])
+        self._acceleration = CubicSpline(time, angular_acceleration, axis=0)
+        self._rate = self._acceleration.antiderivative()
+        self._angle = self._rate.antiderivative()
+
+    def rate(self, time: Array) -> Array:
+        """Rates ``(..., 3)`` at times ``(...)`` from the begin to the end, rad/s."""
+        return np.asarray(self._rate(time), float)
+
+    def mean_rate(self, edges: Array) -> Array:
+        """Mean rates ``(N, 3)`` between adjoining edges ``(N + 1,)`` (s), rad/s."""
+        inside = np.clip(edges, self.begin, self.end)
+        beyond = (edges - inside)[:, None]
+        angle = self._angle(inside) + beyond * (self._rate(inside) + 0.5 * beyond * self._acceleration(inside))
+        return np.asarray(np.diff(angle, axis=0) / np.diff(edges)[:, None], float)
+
+
+def rate_error(
+    rotation: PredictedRotation, record: ImuRecord, effects: Sequence[EffectInstance], driving: bool
+) -> Array:
+    """Mean rates of a predicted rotation, less those that readings corrected for a time offset give.
+
+    Parameters
+    ----------
+    rotation : PredictedRotation
+        Predicted.
+    record : ImuRecord
+        N samples of an IMU.
+    effects : sequence of EffectInstance
+        Those with `Effect.interpolates_rates` that act on the record are applied to the means over parts of the
+        samples, and inverted from the means over the samples.
+    driving : bool
+        As in `effects.sensor_chain.corrected_record`.
+
+    Returns
+    -------
+    (N, 3) array
+        rad/s; zero in samples on which no such effect acts, and in those outside the prediction.
+    """
+    error = np.zeros((len(record), 3))
+    edges = record.edges
+    near = np.flatnonzero((edges[1:] > rotation.begin - MARGIN_S) & (edges[:-1] < rotation.end + MARGIN_S))
+    acting = [a for a in sensor_effects(effects) if a.effect.interpolates_rates]
+    if not acting or len(near) < PARTS:
+        return error
+    time, interval = record.time[near], record.interval[near]
+    parts = edges[near[0]] + np.append(0.0, np.cumsum(np.repeat(interval / PARTS, PARTS)))
+    none, none_in_parts = np.zeros((len(near), 3)), np.zeros((len(near) * PARTS, 3))
+    covered = (edges[:-1] >= rotation.begin - SAME_TIME) & (edges[1:] <= rotation.end + SAME_TIME)
+    for a in acting:
+        read = a.effect.imu(a.values, parts[1:], none_in_parts, rotation.mean_rate(parts))[1]
+        read_mean = np.mean(read.reshape(len(near), PARTS, 3), axis=1)
+        corrected = a.effect.corrected(a.values, time, none, read_mean)[1]
+        affected = (covered & samples_of(record, a.imu, driving))[near]
+        error[near[affected]] += (rotation.mean_rate(parts[::PARTS]) - corrected)[affected]
+    return error
+
+
+def lever_arm_error(
+    rotation: PredictedRotation, samples: Samples, rate_errors: Array, positions: Sequence[Array]
 ) -> list[Array]:
     """Mean lever-arm acceleration of a predicted rotation, less that interpolated from its mean rates.
 
     Parameters
     ----------
+    rotation : PredictedRotation
+        Predicted from the first edge of the samples on.
     samples : Samples
         The driving IMU's; the rates of N samples are means over them.
-    time : (M,) array
-        s, increasing, from the first edge of the samples on.
-    angular_acceleration : (M, 3) array
-        Predicted at `time`, rad/s², body axes.
+    rate_errors : (N, 3) array
+        `rate_error` of the samples, rad/s.
     positions : sequence of (N, 3) arrays
         Places of instruments from the centre of mass at the samples, m, body axes.
 
     Returns
     -------
     list of (N, 3) arrays
-        By instrument, m/s². Zero after the last `time`, and at both ends, where the interpolation has not all its
+        By instrument, m/s². Zero after the prediction's end, and at both ends, where the interpolation has not all its
         neighbours.
     """
-    count = samples.index(float(time[-1]))
+    count = samples.index(rotation.end)
     interval = samples.interval[:count]
     edges = samples.edges[: count + 1]
-    rate = CubicSpline(time, angular_acceleration, axis=0).antiderivative()
-    mean_rate = np.diff(rate.antiderivative()(edges), axis=0) / interval[:, None]
-    mean_acceleration = np.diff(rate(edges), axis=0) / interval[:, None]
+    mean_rate = rotation.mean_rate(edges) - rate_errors[:count]
+    mean_acceleration = np.diff(rotation.rate(edges), axis=0) / interval[:, None]
     abscissae, weights = nodes(QUADRATURE_NODES)
-    inside = rate((edges[:-1, None] + interval[:, None] * abscissae).ravel()).reshape(count, QUADRATURE_NODES, 3)
+    inside = rotation.rate((edges[:-1, None] + interval[:, None] * abscissae).ravel())
+    inside = inside.reshape(count, QUADRATURE_NODES, 3)
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     products = np.stack([(inside[:, :, i] * inside[:, :, j]) @ weights for i, j in pairs], axis=1)
     complete = slice(EDGE_REACH, count - EDGE_REACH)

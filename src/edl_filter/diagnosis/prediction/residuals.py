@@ -2,13 +2,13 @@
 
 Along a dead-reckoned path the forward model predicts specific force and steps of the rate (`predicted_readings`) as the
 IMU samples them. A checking IMU is compared with the readings that the driving IMU implies for its place; the
-constraints are compared with the path. Lever-arm accelerations of all IMUs are corrected for the error of the rates'
-interpolation about the linearisation point (`interpolation_error`), and predictions for that of the quadrature
-(`predicted_readings`).
+constraints are compared with the path. Readings of all IMUs are corrected for the errors of their interpolation about
+the linearisation point (`interpolation_error`), and predictions for that of the quadrature (`predicted_readings`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     displace_nodes,
     path_nodes,
 )
-from edl_filter.diagnosis.prediction.interpolation_error import interpolation_error
+from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, lever_arm_error, rate_error
 from edl_filter.diagnosis.prediction.predicted_readings import (
     FINE_NODES_PER_BIN,
     accelerations_at_nodes,
@@ -30,6 +30,7 @@ from edl_filter.diagnosis.prediction.predicted_readings import (
     predict,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
+from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
@@ -63,6 +64,22 @@ class ModelInputs:
 
 
 @dataclass(frozen=True)
+class InterpolationErrors:
+    """What interpolated readings lack of the true ones, means over the bins.
+
+    Attributes
+    ----------
+    lever_arm : tuple of (B, 3) arrays
+        Of the lever-arm acceleration of the driving IMU and each checking one, m/s².
+    rate : tuple of (B, 3) arrays
+        Of the rates of the driving IMU and each checking one, rad/s; zero in bins that the IMU does not cover.
+    """
+
+    lever_arm: tuple[Array, ...]
+    rate: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
 class PathReference:
     """What the path depends on, in addition to the model.
 
@@ -75,9 +92,8 @@ class PathReference:
         Sensor errors by instrument, in the filter's vector.
     onboard : (C, 4) array or None
         On-board attitude propagated to the constraints' times; it depends on the gyros alone.
-    lever_arm_errors : tuple of (B, 3) arrays
-        Of the driving IMU and each checking one, `lever_arm_errors` of the linearisation point, m/s²; none: not
-        corrected for.
+    interpolation_errors : InterpolationErrors or None
+        Of the linearisation point; None: not corrected for.
     deviation : (B + 1, 9) array or None
         Of the path along which the flow is evaluated, from the dead-reckoned one (`dead_reckoning.displace_nodes`).
     """
@@ -86,7 +102,7 @@ class PathReference:
     start: Array
     errors: Array
     onboard: Array | None
-    lever_arm_errors: tuple[Array, ...] = ()
+    interpolation_errors: InterpolationErrors | None = None
     deviation: Array | None = None
 
 
@@ -230,36 +246,44 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
         predicted_rate_step=predicted_rate_step,
         quadrature_correction=(predicted_force - by_nodes[0], predicted_rate_step - by_nodes[1]),
     )
-    return correct_lever_arms(residuals, reference.lever_arm_errors)
+    return correct_interpolation(residuals, reference.interpolation_errors)
 
 
-def correct_lever_arms(residuals: Residuals, errors: tuple[Array, ...]) -> Residuals:
-    """Residuals whose forces are corrected for `lever_arm_errors`; a checking IMU is compared with the driving one.
+def correct_interpolation(residuals: Residuals, errors: InterpolationErrors | None) -> Residuals:
+    """Residuals whose readings are corrected for the errors of their interpolation.
+
+    A checking IMU is compared with the driving one.
 
     Parameters
     ----------
     residuals : Residuals
         Not corrected.
-    errors : tuple of (B, 3) arrays
-        Of `lever_arm_errors`, m/s²; empty: no correction.
+    errors : InterpolationErrors or None
+        Of `interpolation_errors`; None: no correction.
 
     Returns
     -------
     Residuals
     """
-    if not errors:
+    if errors is None:
         return residuals
-    driving, *checking = errors
-    forces = zip(residuals.checking_force, checking, strict=True)
+    driving_force, *lever_arm = errors.lever_arm
+    driving_rate, *rate = errors.rate
+    forces = zip(residuals.checking_force, lever_arm, strict=True)
+    rates = zip(residuals.checking_rate, rate, strict=True)
     return replace(
         residuals,
-        force=residuals.force - driving,
-        checking_force=tuple(force + driving - error for force, error in forces),
+        force=residuals.force - driving_force,
+        rate_step=residuals.rate_step + np.diff(driving_rate, axis=0),
+        checking_force=tuple(force + driving_force - error for force, error in forces),
+        checking_rate=tuple(value + error - driving_rate for value, error in rates),
     )
 
 
-def lever_arm_errors(reference: PathReference, inputs: ModelInputs, residuals: Residuals) -> tuple[Array, ...]:
-    """Errors of the lever-arm accelerations' interpolation by bin ``(B, 3)``, of the driving IMU and each checking one.
+def interpolation_errors(
+    reference: PathReference, inputs: ModelInputs, residuals: Residuals, effects: Sequence[EffectInstance]
+) -> InterpolationErrors:
+    """Errors of the readings' interpolation, predicted by a model.
 
     Parameters
     ----------
@@ -269,17 +293,23 @@ def lever_arm_errors(reference: PathReference, inputs: ModelInputs, residuals: R
         The model.
     residuals : Residuals
         Of the model, for its path.
-
-    Returns
-    -------
-    tuple of (B, 3) arrays
-        m/s².
+    effects : sequence of EffectInstance
+        For whose sensor errors the inputs are corrected.
     """
     bins, samples = reference.bins, inputs.problem.samples
     _, acceleration = accelerations_at_nodes(inputs.forward_model, residuals.flow, residuals.tables)
-    positions = [positions_at(record, samples) for record in (inputs.driving, *inputs.checking)]
-    errors = interpolation_error(samples, residuals.nodes.time, acceleration, positions)
-    return tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in errors)
+    rotation = PredictedRotation(residuals.nodes.time, acceleration)
+    records = (inputs.driving, *inputs.checking)
+    rates = [rate_error(rotation, record, effects, record is inputs.driving) for record in records]
+    of_samples = rates[0][inputs.driving.index_at(samples.time - 0.5 * samples.interval)]
+    lever_arm = lever_arm_error(rotation, samples, of_samples, [positions_at(record, samples) for record in records])
+    return InterpolationErrors(
+        lever_arm=tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in lever_arm),
+        rate=tuple(
+            np.nan_to_num(bin_means(bins.edges, record.time, record.interval, error, smooth=k > 0))
+            for k, (record, error) in enumerate(zip(records, rates, strict=True))
+        ),
+    )
 
 
 def with_predictions(residuals: Residuals, bins: TimeBins, model: ForwardModel, changed_air: bool) -> Residuals:
