@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from edl_filter import Mission
-from edl_filter.diagnosis.jacobians.bin_rows import (
-    discontinuity_sigma,
-    misplaced_interpolation_sigma,
-    weight_of_either_regime,
-)
+from edl_filter.diagnosis.jacobians.bin_rows import discontinuity_sigma, weight_of_either_regime
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_sigma
@@ -54,34 +50,6 @@ def test_a_discontinuity_of_the_rates_slope_is_covered(phase):
 def test_a_smooth_rate_has_no_stated_error():
     true, stated = true_and_stated_error(1e3)
     assert true.max() < 1e-6 and not stated.any()
-
-
-def shifted_rate_error(onset, tau):
-    """Error ``(N, 3)`` of rates that are shifted back by `tau`, with an acceleration of 1 rad/s² from `onset` on."""
-    effect = find_effect("imu_time_offset")
-
-    def mean_rate(delay):
-        return np.diff(0.5 * np.maximum(EDGES - delay - onset, 0.0) ** 2)[:, None] / DT * np.ones(3)
-
-    return mean_rate(0.0) - effect.corrected({"tau": tau}, EDGES[1:], np.zeros((N, 3)), mean_rate(tau))[1]
-
-
-@pytest.mark.parametrize("tau", [0.5 * DT, 0.24 * DT, 1.5 * DT])
-def test_a_step_of_the_torque_at_another_place_in_a_bin_is_covered(tau):
-    covered: list[bool] = []
-    for predicted in np.linspace(0.0, 1.0, 6):
-        error = shifted_rate_error(DT * (40 + predicted), tau)
-        sigma = misplaced_interpolation_sigma(error)
-        for true in np.linspace(0.0, 1.0, 6):
-            for size in (0.7, 1.3):
-                remaining = np.abs(size * shifted_rate_error(DT * (40 + true), tau) - error)
-                large = remaining > 0.3 * remaining.max()
-                covered += (remaining[large] < 3.0 * sigma[large] + 1e-12).tolist()
-    assert np.mean(covered) > 0.95
-
-
-def test_rates_that_are_not_interpolated_have_no_such_error():
-    assert not misplaced_interpolation_sigma(np.zeros((N, 3))).any()
 
 
 @pytest.mark.parametrize("per_bin", [1, 4])

@@ -9,7 +9,12 @@ from scipy.interpolate import PPoly
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import load_case
-from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, lever_arm_error, rate_error
+from edl_filter.diagnosis.prediction.interpolation_error import (
+    PredictedRotation,
+    lever_arm_error,
+    misplaced_rate_error,
+    rate_error,
+)
 from edl_filter.diagnosis.prediction.residuals import InterpolationErrors
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
@@ -119,6 +124,29 @@ def test_rates_outside_the_prediction_have_no_error():
     assert not error[:10].any() and not error[COUNT // 2 :].any() and error[10 : COUNT // 2].all()
 
 
+@pytest.mark.parametrize("tau", [0.5 * DT, 0.24 * DT, 1.5 * DT])
+def test_a_step_of_the_moment_at_another_place_within_a_sample_is_covered(tau):
+    """Rates by a step of the acceleration; the largest error of the predicted ones covers what is left of the true."""
+    record, effects, edges = record_of(np.zeros((COUNT, 3))), (delay(tau),), np.append(0.0, TIME)
+    fine = np.linspace(0.0, DT * COUNT, 32 * COUNT + 1)
+
+    def true_error(onset):
+        exact, read = (
+            np.diff(0.5 * np.maximum(edges - d - onset, 0.0) ** 2)[:, None] / DT * np.ones(3) for d in (0.0, tau)
+        )
+        return exact - delay(tau).effect.corrected({"tau": tau}, TIME, np.zeros((COUNT, 3)), read)[1]
+
+    share = []
+    for stated in np.linspace(0.0, 0.9, 7):
+        rotation = PredictedRotation(fine, np.tile(fine[:, None] > DT * (40.0 + stated), 3).astype(float))
+        predicted = rate_error(rotation, record, effects, True)
+        sigma = misplaced_rate_error(rotation, record, effects, True).max(axis=0)
+        for true in np.linspace(0.0, 0.9, 7):
+            for size in (0.7, 1.3):
+                share.append(np.abs(size * true_error(DT * (40.0 + true)) - predicted).max(axis=0) / sigma)
+    assert np.max(share) < 3.0 and np.sqrt(np.mean(np.square(share))) < 1.5
+
+
 # --- lever arms ------------------------------------------------------------------------------------------------------
 
 
@@ -178,7 +206,7 @@ def test_it_is_linear_in_a_slow_rotation(factor):
 
 def no_errors(reference, inputs, residuals, effects):
     none = (np.zeros((len(reference.bins.interval), 3)),) * (1 + len(inputs.checking))
-    return InterpolationErrors(none, none)
+    return InterpolationErrors(none, none, none)
 
 
 @pytest.mark.slow

@@ -189,8 +189,9 @@ def bin_rows(
         checking_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
         lever = discontinuity_sigma(bins, path_rate, record.position[at_bin] - position)
         noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + checking_f**2)[:, None] + lever**2
-        interpolated = misplaced_interpolation_sigma(interpolation.rate[1 + i] - interpolation.rate[0])
-        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None] + either[:, None] * interpolated**2
+        # the step of the moment from one table to the other has an uncertain place
+        misplaced = _largest_nearby(interpolation.misplaced_rate[0], interpolation.misplaced_rate[1 + i])
+        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None] + either[:, None] * misplaced**2
         for c in range(3):  # the driving IMU's noise is common to its own row and to those of all checking IMUs
             noise[:, c, f0 + c] = noise[:, f0 + c, c] = -(sigma_f**2)
             for j in range(i):
@@ -230,24 +231,9 @@ def weight_of_either_regime(model: ForwardModel, altitude: Array, density_sigma:
     return np.maximum(in_bin, np.append(in_bin[1:], 0.0))  # the step of the rate spans the next bin too
 
 
-def misplaced_interpolation_sigma(error: Array) -> Array:
-    """Error that remains of a predicted interpolation error where a discontinuity has another place or size.
-
-    Where the flow changes from one table to another, the moment changes by a step, whose place and size are not known
-    to a fraction of a bin. The error of rates that are interpolated across it is then predicted with a wrong pattern,
-    and what remains is as large as the error itself.
-
-    Parameters
-    ----------
-    error : (B, 3) array
-        Predicted, means over the bins.
-
-    Returns
-    -------
-    (B, 3) array
-        In the unit of `error`: its largest size in the bins around each.
-    """
-    return np.asarray(maximum_filter1d(np.abs(error), _INTERPOLATED_BINS, axis=0), float)
+def _largest_nearby(first: Array, second: Array) -> Array:
+    """Root of the sum of squares of two errors ``(B, 3)``, the largest in the bins around each ``(B, 3)``."""
+    return np.asarray(maximum_filter1d(np.hypot(first, second), _INTERPOLATED_BINS, axis=0), float)
 
 
 def discontinuity_sigma(bins: TimeBins, rate: Array, position: Array) -> Array:

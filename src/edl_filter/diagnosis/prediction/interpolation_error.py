@@ -36,6 +36,8 @@ from edl_filter.types import Array
 QUADRATURE_NODES = 5
 #: Parts of a sample over which a sensor that reads at another time is simulated.
 PARTS = 8
+#: Fractions of a sample by which a discontinuity may be misplaced.
+DISPLACEMENTS = (-0.25, 0.25, 0.5)
 #: Time before and after the prediction over which its acceleration is continued, s: more than a time offset reaches.
 MARGIN_S = 4.0
 
@@ -67,6 +69,10 @@ class PredictedRotation:
         beyond = (edges - inside)[:, None]
         angle = self._angle(inside) + beyond * (self._rate(inside) + 0.5 * beyond * self._acceleration(inside))
         return np.asarray(np.diff(angle, axis=0) / np.diff(edges)[:, None], float)
+
+    def later(self, delay: float) -> PredictedRotation:
+        """The same rotation `delay` (s) later."""
+        return PredictedRotation(self._acceleration.x + delay, self._acceleration(self._acceleration.x))
 
 
 def rate_error(
@@ -108,6 +114,27 @@ def rate_error(
         affected = (covered & samples_of(record, a.imu, driving))[near]
         error[near[affected]] += (rotation.mean_rate(parts[::PARTS]) - corrected)[affected]
     return error
+
+
+def misplaced_rate_error(
+    rotation: PredictedRotation, record: ImuRecord, effects: Sequence[EffectInstance], driving: bool
+) -> Array:
+    """Largest `rate_error` ``(N, 3)``, rad/s, of the rotation and of the same rotation displaced within a sample.
+
+    The error at a discontinuity of the moment depends on its place within a sample, in size and in sign. Where the
+    place is not known, what remains of the predicted error is as large as this.
+
+    Parameters
+    ----------
+    rotation, record, effects, driving
+        As of `rate_error`.
+    """
+    step = float(np.median(record.interval))
+    errors = [
+        rate_error(rotation if d == 0.0 else rotation.later(d * step), record, effects, driving)
+        for d in (0.0, *DISPLACEMENTS)
+    ]
+    return np.asarray(np.max(np.abs(errors), axis=0), float)
 
 
 def lever_arm_error(

@@ -22,7 +22,12 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     displace_nodes,
     path_nodes,
 )
-from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, lever_arm_error, rate_error
+from edl_filter.diagnosis.prediction.interpolation_error import (
+    PredictedRotation,
+    lever_arm_error,
+    misplaced_rate_error,
+    rate_error,
+)
 from edl_filter.diagnosis.prediction.predicted_readings import (
     FINE_NODES_PER_BIN,
     accelerations_at_nodes,
@@ -73,10 +78,13 @@ class InterpolationErrors:
         Of the lever-arm acceleration of the driving IMU and each checking one, m/s².
     rate : tuple of (B, 3) arrays
         Of the rates of the driving IMU and each checking one, rad/s; zero in bins that the IMU does not cover.
+    misplaced_rate : tuple of (B, 3) arrays
+        Largest size of the same where the place of a discontinuity within a sample is not known.
     """
 
     lever_arm: tuple[Array, ...]
     rate: tuple[Array, ...]
+    misplaced_rate: tuple[Array, ...]
 
 
 @dataclass(frozen=True)
@@ -299,16 +307,21 @@ def interpolation_errors(
     bins, samples = reference.bins, inputs.problem.samples
     _, acceleration = accelerations_at_nodes(inputs.forward_model, residuals.flow, residuals.tables)
     rotation = PredictedRotation(residuals.nodes.time, acceleration)
-    records = (inputs.driving, *inputs.checking)
-    rates = [rate_error(rotation, record, effects, record is inputs.driving) for record in records]
+    records = [(record, record is inputs.driving) for record in (inputs.driving, *inputs.checking)]
+
+    def of_bins(record: ImuRecord, driving: bool, error: Array) -> Array:
+        means = bin_means(bins.edges, record.time, record.interval, error, smooth=not driving)
+        return np.nan_to_num(means)  # a record may not cover all bins
+
+    rates = [rate_error(rotation, record, effects, driving) for record, driving in records]
+    misplaced = [misplaced_rate_error(rotation, record, effects, driving) for record, driving in records]
     of_samples = rates[0][inputs.driving.index_at(samples.time - 0.5 * samples.interval)]
-    lever_arm = lever_arm_error(rotation, samples, of_samples, [positions_at(record, samples) for record in records])
+    positions = [positions_at(record, samples) for record, _ in records]
+    lever_arm = lever_arm_error(rotation, samples, of_samples, positions)
     return InterpolationErrors(
         lever_arm=tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in lever_arm),
-        rate=tuple(
-            np.nan_to_num(bin_means(bins.edges, record.time, record.interval, error, smooth=k > 0))
-            for k, (record, error) in enumerate(zip(records, rates, strict=True))
-        ),
+        rate=tuple(of_bins(*record, error) for record, error in zip(records, rates, strict=True)),
+        misplaced_rate=tuple(of_bins(*record, error) for record, error in zip(records, misplaced, strict=True)),
     )
 
 
