@@ -57,6 +57,22 @@ def test_a_wind_that_nuisance_parameters_have_absorbed_has_its_own_layer(tmp_pat
         assert 0.0 < sigma < (1.0 if name in ("east", "north") else 100.0), name
 
 
+@pytest.mark.slow
+def test_of_two_effects_one_is_seen_only_about_the_path_that_the_other_has_moved(tmp_path):
+    """A gyro bias of thirty sigmas moves the path; the base pressure is not among the names about the first point."""
+    base_pressure, gyro_bias = find_effect("base_pressure"), find_effect("gyro_bias")
+    hidden = [
+        EffectInstance(base_pressure, {"a": -0.15}),
+        EffectInstance(gyro_bias, {"bx": -7.695188e-05, "by": -4.385637e-05, "bz": 5.436016e-05}),
+    ]
+    path = simulate(Scenario.load("builtin:phoenix"), hidden, 17).write(tmp_path / "flight.h5")
+    case = load_case(Mission.load("builtin:practice_phoenix", [f"telemetry.path={path}"]))
+    verdict = decide(rank(case, [base_pressure, gyro_bias]))
+    assert verdict.verdict == "missing" and verdict.leader.name == "base_pressure"
+    value, sigma = verdict.entries[0].hypothesis.fit.parameters(("base_pressure", None))["a"]
+    assert 0.0 < sigma < 0.01 and value == pytest.approx(-0.15, abs=3.0 * sigma)
+
+
 def test_a_jet_outside_the_catalogue_is_described(practice):
     model = linearize(case(practice(8)))
     remainder = describe_remainder(model)

@@ -258,6 +258,10 @@ class Null:
     point: str
     evidence: float = 0.0
 
+    @property
+    def white_log_likelihood(self):
+        return self.evidence
+
 
 NULL, REFERENCE = Null("its own"), Null("the most probable one")
 
@@ -656,16 +660,16 @@ class Run:
     messages: list = field(default_factory=list)
 
 
-def constructed_run(monkeypatch, models, fitted, better=None):
+def constructed_run(monkeypatch, models, fitted, better=()):
     """A ranking about some models, `fitted` the hypotheses about each; only one has its filters in memory."""
     run, model = Run(), models[0]
     case = SimpleNamespace(settings=SETTINGS, effects=("own effect",), end=250.0)
     model.case = case
-    nulls = {m.name: NullModelFit(m.log_evidence, 0.0, 0.0, 0.0, 0.0) for m in models}
+    nulls = {m.name: NullModelFit(m.log_evidence, 0.0, 0.0, m.log_evidence, 0.0) for m in models}
 
     def use_filters(of_model):
         of_model.filters = True
-        assert [m.name for m in models if m.filters] == [of_model.name]
+        assert [m.name for m in (*models, *better[:1]) if m.filters] == [of_model.name]
 
     def fit_null(m, effects, share):
         use_filters(m)
@@ -679,13 +683,14 @@ def constructed_run(monkeypatch, models, fitted, better=None):
 
     def shortlisted(of_case, screened, null, least, failed, progress):
         use_filters(screened.model)
-        assert null is nulls[screened.model.name] and of_case is case
+        evidence = {**{m.name: nulls[m.name].evidence for m in models}, **{n.point: n.evidence for n in better[1:]}}
+        assert null.evidence == evidence[screened.model.name] and of_case is case
         run.shortlists.append((screened.model.name, least))
         return fitted[screened.model.name]
 
     def leaders(of_case, hypotheses, reference, failed, progress):
         run.relinearised.append((names_of(hypotheses), reference.evidence))
-        return [replace(h, gain=2.0 * h.gain) for h in hypotheses], better
+        return [replace(h, gain=2.0 * h.gain) for h in hypotheses], better or None
 
     def compare(of_case, hypotheses, screened, null):
         run.compared.append((names_of(hypotheses), screened.model.name, null is nulls[screened.model.name]))
@@ -703,12 +708,14 @@ def constructed_run(monkeypatch, models, fitted, better=None):
     ranking = module._rank(SimpleNamespace(settings=SETTINGS), effects, run.messages.append)
     assert ranking.case is case and ranking.model is model and ranking.unmodelled == model.name
     assert [h.gain for h in ranking.hypotheses] == sorted((h.gain for h in ranking.hypotheses), reverse=True)
-    assert all(m.released for m in models[: len(run.shortlists)])
+    assert all(m.released for m in models if m.name in {name for name, _ in run.shortlists})
     assert run.null_fits == [(m.name, ("own effect",), 0.3) for m in models]
-    assert run.messages == [
+    assert run.messages[:2] == [
         "comparing model and measurements",
         "screening the catalogue and an unmodelled acceleration",
     ]
+    again = ["screening about the most probable point"] if len(run.shortlists) > len(ranking.screening) else []
+    assert run.messages[2:] == again
     return ranking, run
 
 
@@ -730,21 +737,39 @@ def test_a_point_of_a_hypothesis_at_which_the_model_is_more_probable_replaces_th
     """For all that is compared with the model: names, an unmodelled acceleration, and the noise that it shows."""
     models = [Constructed("first", False, -90.0), Constructed("second", False, -50.0)]
     better = Constructed("better", True, -20.0), Null("better", 30.0)
-    ranking, run = constructed_run(monkeypatch, models, {"first": [named("a", 40.0), named("b", 60.0)]}, better)
-    assert run.relinearised == [(["a", "b"], -50.0)]
-    assert [h.gain for h in ranking.hypotheses] == [120.0, 80.0]
+    better[0].release_filters()
+    fitted = {"first": [named("a", 40.0), named("b", 60.0)], "better": [named("c", 45.0)]}
+    ranking, run = constructed_run(monkeypatch, models, fitted, better)
+    assert run.shortlists == [("first", 0.0), ("better", 0.0)]
+    assert run.relinearised == [(["a", "b"], -50.0), (["c"], 30.0)]
+    assert [h.gain for h in ranking.hypotheses] == [90.0, 60.0, 50.0]  # twice what was fitted, over 30 nats
     assert ranking.unmodelled_gain == 20.0 and ranking.excess_noise_gain == -20.0
     assert constructed_run(monkeypatch, models, {"first": []})[0].unmodelled_gain == 50.0
 
 
-def test_another_point_where_the_model_fails_too_is_only_a_reference(monkeypatch):
-    """All effects are fitted about the first point."""
-    models = [Constructed("first", False, -90.0), Constructed("second", False, -50.0)]
-    ranking, run = constructed_run(monkeypatch, models, {"first": [named("a", 40.0), named("b", 60.0)]})
-    assert run.screened == [("first", ["mass", "remnant_torque"], 250.0)]
-    assert run.relinearised == [(["a", "b"], -50.0)]
+def test_another_point_where_the_model_fails_too_is_screened_if_the_leader_does_not_explain_the_flight(monkeypatch):
+    """All effects are fitted about the first point, and about the other one if it explains two thirds of the misfit."""
+    models = [Constructed("first", False, -90.0), Constructed("second", False, -30.0)]
+    fitted = {"first": [named("a", 40.0), named("b", 60.0)], "second": [named("a", 70.0), named("c", 10.0)]}
+    ranking, run = constructed_run(monkeypatch, models, fitted)
+    everything = ["mass", "remnant_torque"]
+    assert run.screened == [("first", everything, 250.0), ("second", everything, 250.0)]
+    assert run.shortlists == [("first", 0.0), ("second", 0.0)]
+    assert run.relinearised == [(["a", "b"], -30.0), (["a", "c"], -30.0)]
+    # twice what was fitted, over the reference of -30 nats instead of zero
+    assert [(h.name, h.gain) for h in ranking.hypotheses] == [("a", 170.0), ("b", 150.0), ("c", 50.0)]
     assert run.compared == []
     assert list(ranking.screening) == [("first", None)]
+
+
+@pytest.mark.parametrize(("evidence", "share"), [(-30.0, 0.95), (-50.0, 0.2)])
+def test_it_is_only_a_reference_after_a_sufficient_explanation_or_if_it_explains_little(monkeypatch, evidence, share):
+    models = [Constructed("first", False, -90.0), Constructed("second", False, evidence)]
+    fitted = {"first": [replace(named("a", 40.0), explained_share=share)]}
+    ranking, run = constructed_run(monkeypatch, models, fitted)
+    assert run.screened == [("first", ["mass", "remnant_torque"], 250.0)]
+    assert run.relinearised == [(["a"], evidence)]
+    assert names_of(ranking.hypotheses) == ["a"]
 
 
 def test_a_model_that_holds_about_its_first_point_has_no_second(monkeypatch):

@@ -47,6 +47,9 @@ Progress = Callable[[str], None]
 #: Share of the prior cost of a name below which effects are not relinearised where the model holds: gains about the
 #: first point are accurate there, and none of the effects can be named.
 _NAMEABLE_SHARE = 0.5
+#: Share of the misfit about the point of the screening that another point explains without a further effect, from which
+#: effects are screened about that one too. A smaller one is the point's convergence, and the screening serves both.
+_MOVED_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,14 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
 
 
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
+    """The ranking without the search for a second effect.
+
+    Effects are screened about the point of `credible_model`. Where its model fails and another point, of its
+    alternative mode or of a hypothesis, explains most of the misfit, the path of the first point is far from the
+    truth: what is missing in addition is not seen there. If the leader does not explain the flight, effects are then
+    screened about the most probable point too. Of two effects, one may move the path so far that the other one is
+    found only there.
+    """
     settings = case.settings
     progress("comparing model and measurements")
     model, alternative_mode = credible_model(case)
@@ -167,6 +178,17 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         hypotheses += relinearized
         screened.model.release()
     hypotheses.sort(key=lambda h: -h.gain)
+    unexplained = bool(hypotheses) and hypotheses[0].explained_share < settings.sufficient_share
+    at_screening = max(nulls[: len(screenings)], key=lambda n: n.evidence)
+    if unexplained and at_screening.explained_share(reference.white_log_likelihood) >= _MOVED_SHARE:
+        progress("screening about the most probable point")
+        screened = _screen(most_likely, effects, case.end, failed)
+        fitted = _fit_shortlist(case, screened, reference, 0.0, failed, progress)
+        relinearized, better = _relinearize_leaders(case, fitted, reference, failed, progress)
+        if better is not None:
+            most_likely, reference = better
+        hypotheses = _most_probable([h.with_reference(reference) for h in (*hypotheses, *relinearized)])
+        screened.model.release()
     unmodelled, unmodelled_evidence = unmodelled_fit()
     at_stated_noise = log_likelihood(most_likely.state_space, most_likely.residual_vector, most_likely.initial_mean)
     return Ranking(
@@ -181,6 +203,12 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         nuisance_gain=nuisance_gain(most_likely),
         failed=failed,
     )
+
+
+def _most_probable(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """The hypothesis with the largest gain of each effect, sorted by gain."""
+    by_gain = sorted(hypotheses, key=lambda h: h.gain)
+    return sorted({h.key: h for h in by_gain}.values(), key=lambda h: -h.gain)
 
 
 def nuisance_gain(model: LinearizedModel) -> float:
