@@ -108,6 +108,7 @@ def test_an_error_keeps_its_place_through_the_default_inverse(tmp_path):
         (START.replace('"mine"', '"my effect"'), "name: found 'my effect'; letters, digits and _"),
         (START.replace('"mine"', '"mime"'), "my_effect.py: found no effect 'mine'; nearest accepted: mime"),
         (START + "    parameters = ('a',)\n", "a tuple of Parameter is expected"),
+        (START + "    interpolates_rates = True\n", "interpolates_rates: the hook imu is expected"),
         (START.replace("low=", "kind='big', low="), "parameter a: found the kind 'big'; expected one of size, time"),
         (START.replace("0.1, low", "0.0, low"), "parameter a: a size needs a positive sigma"),
         (START.replace("0.1, low=-1.0", "kind='mach', low=0.5"), "found the default 0; expected between 0.5 and 1"),

@@ -192,6 +192,8 @@ def _checked_instance(cls: type[Effect], where: str) -> Effect:
         raise InputError(f"{start}: name: found {cls.name!r}; letters, digits and _ are expected.")
     if not isinstance(cls.parameters, tuple) or not all(isinstance(q, Parameter) for q in cls.parameters):
         raise InputError(f"{start}: parameters: found {cls.parameters!r}; a tuple of Parameter is expected.")
+    if cls.interpolates_rates and cls.imu is Effect.imu:
+        raise InputError(f"{start}: interpolates_rates: the hook imu is expected, of which corrected is the inverse.")
     names = [q.name for q in cls.parameters]
     if len(set(names)) < len(names) or not all(n.isidentifier() for n in names):
         raise InputError(f"{start}: parameters: found the names {names}; different ones of letters, digits and _.")

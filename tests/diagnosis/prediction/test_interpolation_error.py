@@ -9,11 +9,12 @@ from scipy.interpolate import PPoly
 from edl_filter import Mission
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.prediction.interpolation_error import (
     PredictedRotation,
     lever_arm_error,
-    misplaced_rate_error,
     rate_error,
+    step_response,
 )
 from edl_filter.diagnosis.prediction.residuals import InterpolationErrors
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
@@ -124,27 +125,65 @@ def test_rates_outside_the_prediction_have_no_error():
     assert not error[:10].any() and not error[COUNT // 2 :].any() and error[10 : COUNT // 2].all()
 
 
-@pytest.mark.parametrize("tau", [0.5 * DT, 0.24 * DT, 1.5 * DT])
-def test_a_step_of_the_moment_at_another_place_within_a_sample_is_covered(tau):
-    """Rates by a step of the acceleration; the largest error of the predicted ones covers what is left of the true."""
-    record, effects, edges = record_of(np.zeros((COUNT, 3))), (delay(tau),), np.append(0.0, TIME)
-    fine = np.linspace(0.0, DT * COUNT, 32 * COUNT + 1)
+@pytest.mark.parametrize("taus", [(0.3 * DT, 0.2 * DT), (0.5 * DT, -0.4 * DT)])
+def test_two_delays_of_one_imu_are_chained(taus):
+    """Of the catalogue and of a user: the second one acts on the reading of the first."""
+    acceleration = triangle_wave()
+    effects = tuple(delay(tau) for tau in taus)
+    corrected = delayed_means(acceleration, sum(taus))
+    for a in effects[::-1]:
+        corrected = a.effect.corrected(a.values, TIME, np.zeros((COUNT, 3)), corrected)[1]
+    true = delayed_means(acceleration, 0.0) - corrected
+    alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
+    predicted = rate_error(PredictedRotation(NODE_TIMES, alpha), record_of(np.zeros((COUNT, 3))), effects, True)
+    inside = slice(8, COUNT - 8)
+    assert np.sqrt(np.mean((true - predicted)[inside] ** 2)) < 0.15 * np.sqrt(np.mean(true[inside] ** 2))
 
-    def true_error(onset):
+
+def test_the_neighbours_of_a_sample_without_reading_are_interpolated_as_they_were_corrected():
+    acceleration, tau = triangle_wave(), 0.06
+    read = delayed_means(acceleration, tau)
+    read[40] = np.nan
+    corrected = delay(tau).effect.corrected({"tau": tau}, TIME, np.zeros((COUNT, 3)), read)[1]
+    true = delayed_means(acceleration, 0.0) - corrected
+    alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
+    predicted = rate_error(PredictedRotation(NODE_TIMES, alpha), record_of(read), (delay(tau),), True)
+    near = [37, 38, 39, 41, 42, 43]
+    assert np.sqrt(np.mean((true - predicted)[near] ** 2)) < 0.15 * np.sqrt(np.mean(true[near] ** 2))
+    assert not predicted[40].any()
+
+
+def test_samples_beyond_the_prediction_take_part_in_the_interpolation():
+    """At the prediction's end the error is that of a prediction that goes on: the acceleration is continued."""
+    slope = np.tile(0.3 * NODE_TIMES[:, None], 3)  # no error anywhere but where the rates end
+    half = NODES * COUNT // 2
+    rotation = PredictedRotation(NODE_TIMES[:half], slope[:half])
+    error = rate_error(rotation, record_of(np.zeros((COUNT, 3))), (delay(0.06),), True)
+    assert np.abs(error[8:]).max() < 5e-5
+
+
+@pytest.mark.parametrize("tau", [0.5 * DT, 0.24 * DT, 1.5 * DT])
+def test_the_response_is_the_largest_error_of_a_step_at_any_place(tau):
+    """Against steps whose integrals have a closed form, at 33 places within a sample."""
+    edges = np.append(0.0, TIME)
+
+    def largest_error(onset):
         exact, read = (
             np.diff(0.5 * np.maximum(edges - d - onset, 0.0) ** 2)[:, None] / DT * np.ones(3) for d in (0.0, tau)
         )
-        return exact - delay(tau).effect.corrected({"tau": tau}, TIME, np.zeros((COUNT, 3)), read)[1]
+        corrected = delay(tau).effect.corrected({"tau": tau}, TIME, np.zeros((COUNT, 3)), read)[1]
+        return np.abs(exact - corrected)[8:-8].max()  # the rates end at the end of the record
 
-    share = []
-    for stated in np.linspace(0.0, 0.9, 7):
-        rotation = PredictedRotation(fine, np.tile(fine[:, None] > DT * (40.0 + stated), 3).astype(float))
-        predicted = rate_error(rotation, record, effects, True)
-        sigma = misplaced_rate_error(rotation, record, effects, True).max(axis=0)
-        for true in np.linspace(0.0, 0.9, 7):
-            for size in (0.7, 1.3):
-                share.append(np.abs(size * true_error(DT * (40.0 + true)) - predicted).max(axis=0) / sigma)
-    assert np.max(share) < 3.0 and np.sqrt(np.mean(np.square(share))) < 1.5
+    true = max(largest_error(DT * (40.0 + place)) for place in np.linspace(0.0, 1.0, 33))
+    response = step_response(record_of(np.zeros((COUNT, 3))), (delay(tau),), True)
+    assert 0.8 * true < response < 1.2 * true
+
+
+def test_without_a_delay_there_is_no_response():
+    record = record_of(np.zeros((COUNT, 3)))
+    assert step_response(record, (), True) == 0.0
+    assert step_response(record, (delay(0.06, "second"),), True) == 0.0
+    assert step_response(record, (delay(0.06),), False) == 0.0
 
 
 # --- lever arms ------------------------------------------------------------------------------------------------------
@@ -206,7 +245,7 @@ def test_it_is_linear_in_a_slow_rotation(factor):
 
 def no_errors(reference, inputs, residuals, effects):
     none = (np.zeros((len(reference.bins.interval), 3)),) * (1 + len(inputs.checking))
-    return InterpolationErrors(none, none, none)
+    return InterpolationErrors(none, none, (0.0,) * len(none))
 
 
 @pytest.mark.slow
@@ -232,3 +271,25 @@ def test_a_model_with_gyros_that_are_late_by_half_a_sample_holds(tmp_path, monke
     assert linearization.linearize(case).excess_variance.is_zero
     monkeypatch.setattr(linearization, "interpolation_errors", no_errors)
     assert not linearization.linearize(case).holds
+
+
+@pytest.mark.slow
+def test_checking_rates_have_noise_where_the_place_of_the_step_between_two_tables_is_uncertain(tmp_path, monkeypatch):
+    """The variance of the largest error of that step, within the bins in which either table may apply."""
+    hidden = delay(0.06, "secondary")
+    path = simulate(Scenario.load("builtin:mer"), (hidden,), 3).write(tmp_path / "flight.h5")
+    changes = [f"telemetry.path={path}", "atmosphere.density_sigma=0.1"]
+    case = load_case(Mission.load("builtin:practice_mer", changes), (hidden,))
+    point = smoothed_point(case.reconstruction)
+    model = linearization.linearize_at(case, point)
+    monkeypatch.setattr(linearization, "interpolation_errors", no_errors)
+    without = linearization.linearize_at(case, point)
+    difference = model.state_space.row_noise - without.state_space.row_noise
+    rows = model.index.bin_rows
+    changed = np.unique(np.nonzero(difference)[0])
+    assert set(changed) <= set(rows[:, 9:12][rows[:, 9:12] >= 0].tolist()) and len(changed) > 20
+    assert np.ptp(model.index.time[changed]) < 20.0
+    response = step_response(case.reconstruction.telemetry.checking[0], (hidden,), False)
+    step = np.abs(model.jacobian.rate_step_by_regime / model.bins.interval[:-1, None])
+    near = np.abs(model.bins.edges[1:-1] - np.mean(model.index.time[changed])) < 10.0
+    assert 0.3 < np.sqrt(difference.max()) / (response * step[near].max()) <= 1.001

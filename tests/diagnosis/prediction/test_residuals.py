@@ -63,7 +63,7 @@ def test_an_error_that_both_imus_have_is_no_difference_between_them():
         }
     )  # fmt: skip
     both = (error, error, error + further)
-    corrected = correct_interpolation(residuals, InterpolationErrors(both, both, both))
+    corrected = correct_interpolation(residuals, InterpolationErrors(both, both, (0.0, 0.0, 0.0)))
     np.testing.assert_array_equal(corrected.force, values - 0.25)
     np.testing.assert_array_equal(corrected.checking_force[0], checking)
     np.testing.assert_array_equal(corrected.checking_force[1], checking - 0.5)
@@ -72,12 +72,14 @@ def test_an_error_that_both_imus_have_is_no_difference_between_them():
     np.testing.assert_array_equal(corrected.checking_rate[1], checking + 0.5)
     growing = (values, values, values)
     np.testing.assert_array_equal(
-        correct_interpolation(residuals, InterpolationErrors(both, growing, both)).rate_step,
+        correct_interpolation(residuals, InterpolationErrors(both, growing, (0.0, 0.0, 0.0))).rate_step,
         values[1:] + np.diff(values, axis=0),
     )
     assert correct_interpolation(residuals, None) is residuals
     with pytest.raises(ValueError, match="shorter"):
-        correct_interpolation(residuals, InterpolationErrors((error, error), both, both))  # an IMU without its error
+        correct_interpolation(
+            residuals, InterpolationErrors((error, error), both, (0.0, 0.0))
+        )  # an IMU without its error
 
 
 # --- quadrature of the predictions -----------------------------------------------------------------------------------

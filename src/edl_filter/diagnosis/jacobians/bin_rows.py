@@ -30,9 +30,6 @@ _STEP_NOISE_SHARE = 0.05
 _REGIME_SIGMAS, _DECLINE_SIGMAS = 3.0, 0.25
 #: Variance of the errors of two tables in units of that of one: its upper bound, (1 + 1)² where they are correlated.
 _EITHER_REGIME = 4.0
-#: Bins over which the error of an interpolation across a discontinuity spreads: a spline's error declines by a factor
-#: of four with each sample.
-_INTERPOLATED_BINS = 7
 #: Factor over the median around it from which a change of the rate's slope is a discontinuity, and number of edges of
 #: that median, ten before and ten after: smooth motion changes less over ten bins, and one discontinuity does not
 #: change a median.
@@ -171,6 +168,8 @@ def bin_rows(
     variance[:, :3] += jacobian.force_by_regime**2
     variance[:-1, 3:] += jacobian.rate_step_by_regime**2
     noise[:, range(6), range(6)] += either[:, None] * variance
+    # of the step of the angular acceleration where the other table begins to apply, (rad/s²)²
+    step_variance = maximum_filter1d(variance[:, 3:] / bins.interval[:, None] ** 2, 3, axis=0)
     for i, record in enumerate(inputs.checking):
         f0, w0 = 6 + 6 * i, 9 + 6 * i
         at_bin = record.index_at(middle)
@@ -189,9 +188,9 @@ def bin_rows(
         checking_w = bin_sigma(bins, record.time, record.interval, record.rate_noise)
         lever = discontinuity_sigma(bins, path_rate, record.position[at_bin] - position)
         noise[:, range(f0, f0 + 3), range(f0, f0 + 3)] = (sigma_f**2 + checking_f**2)[:, None] + lever**2
-        # the step of the moment from one table to the other has an uncertain place
-        misplaced = _largest_nearby(interpolation.misplaced_rate[0], interpolation.misplaced_rate[1 + i])
-        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None] + either[:, None] * misplaced**2
+        response = np.hypot(interpolation.step_response[0], interpolation.step_response[1 + i])
+        misplaced = response**2 * step_variance  # the place of that step within a sample is not known
+        noise[:, range(w0, w0 + 3), range(w0, w0 + 3)] = (checking_w**2)[:, None] + either[:, None] * misplaced
         for c in range(3):  # the driving IMU's noise is common to its own row and to those of all checking IMUs
             noise[:, c, f0 + c] = noise[:, f0 + c, c] = -(sigma_f**2)
             for j in range(i):
@@ -229,11 +228,6 @@ def weight_of_either_regime(model: ForwardModel, altitude: Array, density_sigma:
     beyond = np.maximum(distance - _REGIME_SIGMAS, 0.0) / _DECLINE_SIGMAS
     in_bin = np.max(np.exp(-0.5 * beyond**2)[:-1].reshape(-1, NODES_PER_BIN), axis=1)
     return np.maximum(in_bin, np.append(in_bin[1:], 0.0))  # the step of the rate spans the next bin too
-
-
-def _largest_nearby(first: Array, second: Array) -> Array:
-    """Root of the sum of squares of two errors ``(B, 3)``, the largest in the bins around each ``(B, 3)``."""
-    return np.asarray(maximum_filter1d(np.hypot(first, second), _INTERPOLATED_BINS, axis=0), float)
 
 
 def discontinuity_sigma(bins: TimeBins, rate: Array, position: Array) -> Array:

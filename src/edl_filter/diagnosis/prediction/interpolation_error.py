@@ -36,8 +36,9 @@ from edl_filter.types import Array
 QUADRATURE_NODES = 5
 #: Parts of a sample over which a sensor that reads at another time is simulated.
 PARTS = 8
-#: Fractions of a sample by which a discontinuity may be misplaced.
-DISPLACEMENTS = (-0.25, 0.25, 0.5)
+#: Places of a step of the angular acceleration within a sample at which its interpolation error is computed, and half
+#: the number of samples of that computation: beyond, a spline's error is below one part in 10⁹.
+STEP_PLACES, STEP_SAMPLES = (0.0, 0.25, 0.5, 0.75), 16
 #: Time before and after the prediction over which its acceleration is continued, s: more than a time offset reaches.
 MARGIN_S = 4.0
 
@@ -70,10 +71,6 @@ class PredictedRotation:
         angle = self._angle(inside) + beyond * (self._rate(inside) + 0.5 * beyond * self._acceleration(inside))
         return np.asarray(np.diff(angle, axis=0) / np.diff(edges)[:, None], float)
 
-    def later(self, delay: float) -> PredictedRotation:
-        """The same rotation `delay` (s) later."""
-        return PredictedRotation(self._acceleration.x + delay, self._acceleration(self._acceleration.x))
-
 
 def rate_error(
     rotation: PredictedRotation, record: ImuRecord, effects: Sequence[EffectInstance], driving: bool
@@ -95,46 +92,56 @@ def rate_error(
     Returns
     -------
     (N, 3) array
-        rad/s; zero in samples on which no such effect acts, and in those outside the prediction.
+        rad/s; zero in samples on which no such effect acts, in those outside the prediction and in those without a
+        reading.
     """
     error = np.zeros((len(record), 3))
     edges = record.edges
     near = np.flatnonzero((edges[1:] > rotation.begin - MARGIN_S) & (edges[:-1] < rotation.end + MARGIN_S))
-    acting = [a for a in sensor_effects(effects) if a.effect.interpolates_rates]
-    if not acting or len(near) < PARTS:
+    acting = [(a, samples_of(record, a.imu, driving)[near]) for a in sensor_effects(effects)]
+    acting = [(a, affected) for a, affected in acting if a.effect.interpolates_rates and affected.any()]
+    if not acting:
         return error
-    time, interval = record.time[near], record.interval[near]
-    parts = edges[near[0]] + np.append(0.0, np.cumsum(np.repeat(interval / PARTS, PARTS)))
+    parts = edges[near[0]] + np.append(0.0, np.cumsum(np.repeat(record.interval[near] / PARTS, PARTS)))
     none, none_in_parts = np.zeros((len(near), 3)), np.zeros((len(near) * PARTS, 3))
-    covered = (edges[:-1] >= rotation.begin - SAME_TIME) & (edges[1:] <= rotation.end + SAME_TIME)
-    for a in acting:
-        read = a.effect.imu(a.values, parts[1:], none_in_parts, rotation.mean_rate(parts))[1]
-        read_mean = np.mean(read.reshape(len(near), PARTS, 3), axis=1)
-        corrected = a.effect.corrected(a.values, time, none, read_mean)[1]
-        affected = (covered & samples_of(record, a.imu, driving))[near]
-        error[near[affected]] += (rotation.mean_rate(parts[::PARTS]) - corrected)[affected]
+    read = rotation.mean_rate(parts)
+    for a, affected in acting:
+        changed = a.effect.imu(a.values, parts[1:], none_in_parts, read)[1]
+        read = np.where(np.repeat(affected, PARTS)[:, None], changed, read)
+    rate = np.mean(read.reshape(len(near), PARTS, 3), axis=1)
+    rate[np.isnan(record.angular_rate[near])] = np.nan
+    for a, affected in acting[::-1]:
+        rate = np.where(affected[:, None], a.effect.corrected(a.values, record.time[near], none, rate)[1], rate)
+    covered = (edges[near] >= rotation.begin - SAME_TIME) & (edges[near + 1] <= rotation.end + SAME_TIME)
+    covered &= np.any([affected for _, affected in acting], axis=0)
+    error[near[covered]] = np.nan_to_num(rotation.mean_rate(parts[::PARTS]) - rate)[covered]
     return error
 
 
-def misplaced_rate_error(
-    rotation: PredictedRotation, record: ImuRecord, effects: Sequence[EffectInstance], driving: bool
-) -> Array:
-    """Largest `rate_error` ``(N, 3)``, rad/s, of the rotation and of the same rotation displaced within a sample.
+def step_response(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool) -> float:
+    """Largest `rate_error` of a step of the angular acceleration of 1 rad/s², rad/s.
 
-    The error at a discontinuity of the moment depends on its place within a sample, in size and in sign. Where the
-    place is not known, what remains of the predicted error is as large as this.
+    The error depends on the place of the step within a sample, in size and in sign. Where the place is not known, what
+    remains of a predicted error is as large as this.
 
     Parameters
     ----------
-    rotation, record, effects, driving
-        As of `rate_error`.
+    record, effects, driving
+        As of `rate_error`; the record has more than twice `STEP_SAMPLES` samples.
     """
-    step = float(np.median(record.interval))
-    errors = [
-        rate_error(rotation if d == 0.0 else rotation.later(d * step), record, effects, driving)
-        for d in (0.0, *DISPLACEMENTS)
-    ]
-    return np.asarray(np.max(np.abs(errors), axis=0), float)
+    acting = [a for a in effects if a.effect.interpolates_rates and samples_of(record, a.imu, driving).any()]
+    if not acting:
+        return 0.0
+    affected = np.flatnonzero(np.any([samples_of(record, a.imu, driving) for a in acting], axis=0))
+    middle = int(np.clip(affected[len(affected) // 2], STEP_SAMPLES, len(record) - STEP_SAMPLES - 1))
+    edges, step = record.edges, float(record.interval[middle])
+    time = np.arange(edges[middle - STEP_SAMPLES], edges[middle + STEP_SAMPLES], step / 64.0)
+    errors = []
+    for place in STEP_PLACES:
+        acceleration = np.where(time > edges[middle] + place * step, 1.0, 0.0)
+        rotation = PredictedRotation(time, np.repeat(acceleration[:, None], 3, axis=1))
+        errors.append(np.max(np.abs(rate_error(rotation, record, acting, driving))))
+    return float(max(errors))
 
 
 def lever_arm_error(

@@ -25,8 +25,8 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
 from edl_filter.diagnosis.prediction.interpolation_error import (
     PredictedRotation,
     lever_arm_error,
-    misplaced_rate_error,
     rate_error,
+    step_response,
 )
 from edl_filter.diagnosis.prediction.predicted_readings import (
     FINE_NODES_PER_BIN,
@@ -78,13 +78,13 @@ class InterpolationErrors:
         Of the lever-arm acceleration of the driving IMU and each checking one, m/s².
     rate : tuple of (B, 3) arrays
         Of the rates of the driving IMU and each checking one, rad/s; zero in bins that the IMU does not cover.
-    misplaced_rate : tuple of (B, 3) arrays
-        Largest size of the same where the place of a discontinuity within a sample is not known.
+    step_response : tuple of float
+        Largest error of the same by a step of the angular acceleration of 1 rad/s², rad/s.
     """
 
     lever_arm: tuple[Array, ...]
     rate: tuple[Array, ...]
-    misplaced_rate: tuple[Array, ...]
+    step_response: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -314,14 +314,13 @@ def interpolation_errors(
         return np.nan_to_num(means)  # a record may not cover all bins
 
     rates = [rate_error(rotation, record, effects, driving) for record, driving in records]
-    misplaced = [misplaced_rate_error(rotation, record, effects, driving) for record, driving in records]
     of_samples = rates[0][inputs.driving.index_at(samples.time - 0.5 * samples.interval)]
     positions = [positions_at(record, samples) for record, _ in records]
     lever_arm = lever_arm_error(rotation, samples, of_samples, positions)
     return InterpolationErrors(
         lever_arm=tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in lever_arm),
         rate=tuple(of_bins(*record, error) for record, error in zip(records, rates, strict=True)),
-        misplaced_rate=tuple(of_bins(*record, error) for record, error in zip(records, misplaced, strict=True)),
+        step_response=tuple(step_response(record, effects, driving) for record, driving in records),
     )
 
 
