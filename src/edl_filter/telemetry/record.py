@@ -176,14 +176,6 @@ class ImuRecord:
         """Samples ``(N,)`` of which a value was filled in."""
         return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)
 
-    def only_read(self) -> ImuRecord:
-        """The same record with NaN in place of the values of samples that were filled in."""
-        filled = self.filled
-        if not filled.any():
-            return self
-        force, rate = (np.where(filled[:, None], np.nan, v) for v in (self.specific_force, self.angular_rate))
-        return replace(self, specific_force=force, angular_rate=rate)
-
     def index_at(self, time: Array) -> IntArray:
         """Index ``(M,)`` of the sample whose interval contains each time ``(M,)``, s; the nearest one outside."""
         return np.minimum(np.searchsorted(self.time, time, side="left"), len(self) - 1)

@@ -14,9 +14,11 @@ from edl_filter.diagnosis.prediction.interpolation_error import (
     PredictedRotation,
     lever_arm_error,
     rate_error,
+    resampling_error,
     step_response,
 )
 from edl_filter.diagnosis.prediction.residuals import InterpolationErrors
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means_of_readings
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
@@ -24,6 +26,7 @@ from edl_filter.imu_model.lever_arm import EDGE_REACH, lever_arm_acceleration, l
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation.increments import effective_samples
 from edl_filter.simulation import Scenario, simulate
+from edl_filter.telemetry.flight_file_writer import write_flight_file
 from edl_filter.telemetry.record import ImuRecord
 
 DT, COUNT, NODES = 0.125, 80, 4
@@ -186,6 +189,40 @@ def test_without_a_delay_there_is_no_response():
     assert step_response(record, (delay(0.06),), False) == 0.0
 
 
+# --- samples of another clock ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("length", "phase"), [(DT, 0.05), (0.1, 0.0), (0.2, 0.03)])
+def test_the_error_of_samples_that_end_inside_the_bins_is_predicted(length, phase):
+    acceleration = triangle_wave()
+    angles = [a.antiderivative(2) for a in acceleration]
+    time = np.arange(length + phase, DT * COUNT, length)
+    zeros = np.zeros(len(time))
+    mean_rate = np.column_stack([(a(time) - a(time - length)) / length for a in angles])
+    record = ImuRecord(
+        "second", time, np.full(len(time), length), np.zeros((len(time), 3)), mean_rate, np.zeros((len(time), 3)),
+        zeros, zeros, zeros, zeros.astype(bool), zeros.astype(bool), zeros.astype(int), ("second",), zeros.astype(int),
+        ("test",), (SensorErrors(),),
+    )  # fmt: skip
+    edges = np.append(0.0, TIME)
+    bins = TimeBins(edges, np.ones(COUNT, bool))
+    true = np.column_stack([np.diff(a(edges)) / DT for a in angles]) - bin_means_of_readings(bins, record, mean_rate)
+    rotation = PredictedRotation(NODE_TIMES, np.column_stack([a(NODE_TIMES) for a in acceleration]))
+    predicted = resampling_error(rotation, bins, record, np.zeros_like(mean_rate))
+    inside = np.isfinite(true).all(axis=1)
+    assert inside.sum() > 70 and not predicted[~inside].any()
+    size = np.sqrt(np.mean(true[inside] ** 2))
+    assert size > 3e-4  # rad/s: several sigmas of a gyro
+    assert np.sqrt(np.mean((predicted - true)[inside] ** 2)) < 0.15 * size
+
+
+def test_samples_that_end_where_bins_end_have_no_error():
+    rotation = PredictedRotation(NODE_TIMES, np.column_stack([a(NODE_TIMES) for a in triangle_wave()]))
+    bins = TimeBins(np.append(0.0, TIME), np.ones(COUNT, bool))
+    none = resampling_error(rotation, bins, record_of(np.zeros((COUNT, 3))), np.zeros((COUNT, 3)))
+    assert np.abs(none).max() < 1e-12
+
+
 # --- lever arms ------------------------------------------------------------------------------------------------------
 
 
@@ -246,6 +283,39 @@ def test_it_is_linear_in_a_slow_rotation(factor):
 def no_errors(reference, inputs, residuals, effects):
     none = (np.zeros((len(reference.bins.interval), 3)),) * (1 + len(inputs.checking))
     return InterpolationErrors(none, none, (0.0,) * len(none))
+
+
+def thinned(imu, per_sample, first=0, begin=0.0):
+    """Means over so many samples of an IMU, from sample `first` on, that end after `begin`, s."""
+    count = (len(imu.time) - first) // per_sample
+    used = slice(first, first + count * per_sample)
+    time = imu.time[used][per_sample - 1 :: per_sample]
+    force, rate = (
+        values[used].reshape(count, per_sample, 3).mean(axis=1) for values in (imu.specific_force, imu.angular_rate)
+    )
+    kept = time > begin
+    return replace(
+        imu, time=time[kept], specific_force=force[kept], angular_rate=rate[kept],
+        sample_interval=per_sample * imu.sample_interval, accelerometer_noise=imu.accelerometer_noise / per_sample**0.5,
+        gyro_noise=imu.gyro_noise / per_sample**0.5,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("per_sample", "first", "begin"), [(4, 0, 0.0), (5, 2, 0.0), (8, 0, 0.0), (5, 2, 100.0)])
+def test_imus_with_different_clocks_agree(tmp_path, per_sample, first, begin):
+    """The driving IMU reads at 8 Hz, the second one at 10, 8 (50 ms later) and 5 Hz, or from 100 s on."""
+    contents = simulate(Scenario.load("builtin:mer", ["sampling.interval_s=0.025"]), (), 11).contents
+    imus = {
+        "primary": thinned(contents.imus["primary"], 5),
+        "secondary": thinned(contents.imus["secondary"], per_sample, first, begin),
+    }
+    path = write_flight_file(tmp_path / "flight.h5", replace(contents, imus=imus))
+    rms = model_rms(
+        linearization.linearize(load_case(Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])))
+    )
+    for name in ("secondary_force_x", "secondary_rate_x", "secondary_rate_y", "secondary_rate_z"):
+        assert 0.4 < rms[name] < 1.2, (name, rms[name])  # in parts of a sample the noise is less than independent
 
 
 @pytest.mark.slow

@@ -215,14 +215,15 @@ def test_a_smooth_quantity_is_interpolated_between_the_ends_of_the_samples(offse
         assert np.abs(constant - true).max() > 1e-3
 
 
-def test_next_to_a_gap_samples_are_constant():
+def test_next_to_a_gap_a_bin_that_ends_inside_a_sample_is_nan():
     grid = np.concatenate((0.125 * np.arange(20), 0.125 * np.arange(30, 50)))
     values = np.ones((39, 3))
     values[19] = np.nan
-    means = bin_means(grid[4:12] + 0.05, grid[1:], np.diff(grid), values, smooth=True)
-    np.testing.assert_allclose(means, 1.0)
-    edges = np.array([2.2, 2.3])
-    np.testing.assert_allclose(bin_means(edges, grid[1:], np.diff(grid), values, smooth=True), 1.0)
+    edges = 0.125 * np.arange(1, 19)
+    for offset, lost in ((0.0, []), (0.05, [0, 15, 16])):
+        means = bin_means(edges + offset, grid[1:], np.diff(grid), values, smooth=True)
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(means[:, 0])), lost)
+        np.testing.assert_allclose(np.delete(means, lost, axis=0), 1.0)
 
 
 def test_a_value_that_is_nan_is_lost_in_its_bins_only():
@@ -236,9 +237,41 @@ def test_a_value_that_is_nan_is_lost_in_its_bins_only():
     np.testing.assert_allclose(np.delete(means, 8, axis=0), np.delete(complete, 8, axis=0), atol=1e-12)
     smooth = bin_means(edges + 0.2, time, interval, lost, smooth=True)
     expected = bin_means(edges + 0.2, time, interval, values, smooth=True)
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(smooth).any(axis=1)), [8, 19])
-    far = [*range(6), *range(11, 19)]
-    np.testing.assert_allclose(smooth[far], expected[far], atol=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(expected).any(axis=1)), [0, 18, 19])
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(smooth).any(axis=1)), [0, 7, 8, 9, 18, 19])
+    both = ~np.isnan(smooth)
+    np.testing.assert_allclose(smooth[both], expected[both], atol=1e-4)
+
+
+@given(st.integers(3, 30), st.integers(3, 30), st.floats(0.01, 0.24))
+def test_excluded_samples_interpolate_those_next_to_them(first, length, offset):
+    """Samples of 4 Hz and bins of 8 Hz that end within them; the closed form of a sine."""
+    grid, w = 0.25 * np.arange(41), 2.0 * np.pi * 0.5
+    values = (-np.diff(np.cos(w * grid)) / w / 0.25)[:, None]
+    excluded = np.zeros(40, bool)
+    excluded[first : first + length] = True
+    edges = np.arange(1.0 + offset, 9.0, 0.125)
+    true = (-np.diff(np.cos(w * edges)) / w / 0.125)[:, None]
+    means = bin_means(edges, grid[1:], np.diff(grid), values, smooth=True, excluded=excluded)
+    touched = (edges[:-1] < 0.25 * (first + length) - 1e-9) & (edges[1:] > 0.25 * first + 1e-9)
+    np.testing.assert_array_equal(np.isnan(means[:, 0]), touched)
+    complete = bin_means(edges, grid[1:], np.diff(grid), values, smooth=True)
+    np.testing.assert_array_equal(means[~touched], complete[~touched])
+    assert np.abs(complete - true).max() < 0.003
+    values[excluded] = np.nan
+    alone = bin_means(edges, grid[1:], np.diff(grid), values, smooth=True)
+    nearest = np.abs(edges[:, None] - grid[:-1][excluded]).min(axis=1)
+    near = np.minimum(nearest[:-1], nearest[1:]) < 0.75
+    assert np.isnan(alone[touched]).all() and not np.isnan(alone[~near]).any()
+
+
+def test_a_jump_after_the_last_bin_is_not_in_it():
+    """A parachute opens three samples after the last edge; the samples end between those of the bins."""
+    grid = 0.125 * np.arange(81)
+    values = np.where(grid[1:, None] > 8.5, 100.0, grid[1:, None] - 0.0625)
+    edges = 0.125 * np.arange(8, 66) + 0.05
+    means = bin_means(edges, grid[1:], np.diff(grid), values, smooth=True)[:, 0]
+    np.testing.assert_allclose(means, 0.5 * (edges[1:] + edges[:-1]), atol=1e-9)
 
 
 def test_bins_with_filled_samples_are_not_compared():

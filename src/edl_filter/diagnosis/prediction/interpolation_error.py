@@ -1,12 +1,13 @@
 """Errors of readings that are interpolated between samples, predicted by the forward model.
 
-Two corrections of an IMU's readings interpolate between the means over the samples: the acceleration of the IMU's place
-needs the rates at the edges of the samples and the products of the rates inside them (`imu_model.lever_arm`), and a
-time offset of the gyros needs the rates between the samples (`effects.sensors.delayed`). The interpolation has the
-order of its stencil where the motion is smooth. It has not where the moment changes its slope inside a sample: at the
-nodes of an aerodynamic table that is linear between them. Motion near half of the sampling frequency cannot be
-interpolated at all. On a vehicle that swings through 30° at 8 Hz the lever-arm acceleration is wrong by up to 60 sigmas
-of an accelerometer; a step of rates that are shifted by half a sample is wrong by five sigmas at angles of 8°.
+Readings of an IMU are interpolated between the means over the samples for three reasons: the acceleration of the IMU's
+place needs the rates at the edges of the samples and the products of the rates inside them (`imu_model.lever_arm`), a
+time offset of the gyros needs the rates between the samples (`effects.sensors.delayed`), and the bins of the comparison
+end inside the samples of a checking IMU with another clock (`time_bins.bin_means`). The interpolation has the order of
+its stencil where the motion is smooth. It has not where the moment changes its slope inside a sample: at the nodes of
+an aerodynamic table that is linear between them. Motion near half of the sampling frequency cannot be interpolated at
+all. On a vehicle that swings through 30° at 8 Hz the lever-arm acceleration is wrong by up to 60 sigmas of an
+accelerometer; a step of rates that are shifted by half a sample is wrong by five sigmas at angles of 8°.
 
 The forward model predicts the angular acceleration at several nodes in each bin. The same interpolation of the means
 of the predicted rates, compared with the predicted rates themselves, shows its error. Only differences of rates over a
@@ -20,6 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means_of_readings
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.sensor_chain import samples_of, sensor_effects
 from edl_filter.imu_model.lever_arm import (
@@ -116,6 +118,29 @@ def rate_error(
     covered &= np.any([affected for _, affected in acting], axis=0)
     error[near[covered]] = np.nan_to_num(rotation.mean_rate(parts[::PARTS]) - rate)[covered]
     return error
+
+
+def resampling_error(rotation: PredictedRotation, bins: TimeBins, record: ImuRecord, rate_errors: Array) -> Array:
+    """Mean rates of a predicted rotation over the bins, less those that a checking IMU's samples give.
+
+    Parameters
+    ----------
+    rotation : PredictedRotation
+        Predicted.
+    bins : TimeBins
+        B time bins of the comparison.
+    record : ImuRecord
+        N samples of the IMU.
+    rate_errors : (N, 3) array
+        `rate_error` of the samples, rad/s.
+
+    Returns
+    -------
+    (B, 3) array
+        rad/s; zero in bins that the IMU does not cover.
+    """
+    read = bin_means_of_readings(bins, record, rotation.mean_rate(record.edges) - rate_errors)
+    return np.nan_to_num(rotation.mean_rate(bins.edges) - read)
 
 
 def step_response(record: ImuRecord, effects: Sequence[EffectInstance], driving: bool) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from edl_filter.diagnosis.prediction.dead_reckoning import node_rates
 from edl_filter.diagnosis.prediction.predicted_readings import predict
 from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals, bin_readings, lever_arm_readings
-from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means, bin_means_of_readings
 from edl_filter.types import Array
 
 
@@ -68,13 +68,12 @@ def difference_on_fixed_path(
         checking_force.append(-force - bin_means(bins.edges, samples.time, samples.interval, implied))
         checking_rate.append(-rate)
         if record_plus is not record_minus:
-            read_plus, read_minus = record_plus.only_read(), record_minus.only_read()
             changes = (
-                read_plus.specific_force - read_minus.specific_force,
-                read_plus.angular_rate - read_minus.angular_rate,
+                record_plus.specific_force - record_minus.specific_force,
+                record_plus.angular_rate - record_minus.angular_rate,
             )
             for out, change in zip((checking_force, checking_rate), changes, strict=True):
-                out[-1] = out[-1] + bin_means(bins.edges, read_plus.time, read_plus.interval, change, smooth=True)
+                out[-1] = out[-1] + bin_means_of_readings(bins, record_plus, change)
     rate_step = np.diff(rate, axis=0)
     if not (same_loads and np.array_equal(plus[2], minus[2])):
         predicted = []

@@ -26,6 +26,7 @@ from edl_filter.diagnosis.prediction.interpolation_error import (
     PredictedRotation,
     lever_arm_error,
     rate_error,
+    resampling_error,
     step_response,
 )
 from edl_filter.diagnosis.prediction.predicted_readings import (
@@ -34,7 +35,7 @@ from edl_filter.diagnosis.prediction.predicted_readings import (
     flow_at,
     predict,
 )
-from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means, bin_means_of_readings
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
@@ -310,8 +311,9 @@ def interpolation_errors(
     records = [(record, record is inputs.driving) for record in (inputs.driving, *inputs.checking)]
 
     def of_bins(record: ImuRecord, driving: bool, error: Array) -> Array:
-        means = bin_means(bins.edges, record.time, record.interval, error, smooth=not driving)
-        return np.nan_to_num(means)  # a record may not cover all bins
+        if driving:  # its samples end where bins end
+            return bin_means(bins.edges, record.time, record.interval, error)
+        return resampling_error(rotation, bins, record, error)
 
     rates = [rate_error(rotation, record, effects, driving) for record, driving in records]
     of_samples = rates[0][inputs.driving.index_at(samples.time - 0.5 * samples.interval)]
@@ -426,9 +428,9 @@ def _checking_residuals(
     force, rate : (B, 3) arrays
         Means of the driving IMU over the bins, m/s² and rad/s.
     """
-    read = record.only_read()  # samples that were filled from the driving IMU would be compared with themselves
-    measured_force = bin_means(bins.edges, read.time, read.interval, read.specific_force, smooth=True)
-    measured_rate = bin_means(bins.edges, read.time, read.interval, read.angular_rate, smooth=True)
+    measured_force, measured_rate = (
+        bin_means_of_readings(bins, record, values) for values in (record.specific_force, record.angular_rate)
+    )
     lever_arm = lever_arm_readings(record, samples, sample_rate)
     return (
         measured_force - force - bin_means(bins.edges, samples.time, samples.interval, lever_arm),

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.estimation.interpolating_spline import DEGREE, InterpolatingSpline
 from edl_filter.navigation.increments import Samples
-from edl_filter.telemetry.record import SAME_TIME, finite_rows, sample_edges
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows, sample_edges
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: Length of a sample, relative to that which bins approach, from which each sample is a bin.
@@ -31,10 +32,13 @@ class TimeBins:
     valid : (B,) array of bool
         Every sample in the bin was read by a gyro and an accelerometer of the first instrument, over the usual
         interval, none of its values was filled in, and no event changed the vehicle or an IMU's position near it.
+    changes : tuple of float
+        Times of these events, s. Nothing is interpolated across them, nor across the end.
     """
 
     edges: Array
     valid: BoolArray
+    changes: tuple[float, ...] = ()
 
     @property
     def interval(self) -> Array:
@@ -86,17 +90,23 @@ def make_time_bins(
         i = int(np.searchsorted(edges, time - 0.5 * usual))  # the edge at the event, or the first after it
         if 0 < i < len(edges):
             valid[max(0, i - ends) : i + ends] = False
-    return TimeBins(edges, valid)
+    return TimeBins(edges, valid, tuple(changes))
 
 
-def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth: bool = False) -> Array:
+def bin_means(
+    edges: Array,
+    time: Array,
+    interval: Array,
+    values: Array,
+    smooth: bool = False,
+    excluded: BoolArray | None = None,
+) -> Array:
     """Means over bins of a quantity that is given by its means over adjoining intervals.
 
     The integral is known at the ends of the intervals. At an edge inside an interval it is interpolated linearly: the
-    quantity is constant over the interval. A smooth one is interpolated by the polynomial of fifth order through the
-    six nearest ends (Lagrange), except next to a gap or to an end. Linear interpolation would be wrong by half the
-    product of second derivative, interval and distance to the end: with two IMUs whose samples end 2 ms apart this is
-    six times their noise on a vehicle that oscillates.
+    quantity is constant over the interval. A smooth one is interpolated by a spline of fifth degree. Linear
+    interpolation would be wrong by half the product of second derivative, interval and distance to the end: with two
+    IMUs whose samples end 2 ms apart this is six times their noise on a vehicle that oscillates.
 
     Parameters
     ----------
@@ -108,11 +118,14 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
         Means over the intervals.
     smooth : bool
         The quantity is smooth.
+    excluded : (N,) array of bool, optional
+        Intervals of which no bin is formed. Their values interpolate a smooth quantity in the intervals next to them.
 
     Returns
     -------
     (B, ...) array
-        NaN in bins that the intervals do not cover, and in those that a value which is NaN contributes to.
+        NaN in bins that the intervals do not cover, and in those that an excluded interval or a value which is NaN
+        contributes to; of a smooth quantity also in bins that end inside an interval next to a gap or to an end.
     """
     lost = ~finite_rows(values)
     if lost.any():
@@ -126,43 +139,61 @@ def bin_means(edges: Array, time: Array, interval: Array, values: Array, smooth:
         _interpolate(integral, edges, grid, total, k, lost)
     out = np.diff(integral, axis=0) / np.diff(edges).reshape(-1, *tail)
     outside = (edges[:-1] < grid[0] - SAME_TIME) | (edges[1:] > grid[-1] + SAME_TIME)
-    if lost.any():
-        count = np.concatenate(([0], np.cumsum(lost)))
+    without_bin = lost if excluded is None else lost | excluded
+    if without_bin.any():
+        count = np.concatenate(([0], np.cumsum(without_bin)))
         # an edge at the end of a sample is not inside the next one
         begin = np.searchsorted(grid, edges[:-1] + SAME_TIME) - 1
         end = np.searchsorted(grid, edges[1:] - SAME_TIME)
-        outside |= count[np.clip(end, 0, len(lost))] > count[np.clip(begin, 0, len(lost))]
+        outside |= count[np.clip(end, 0, len(time))] > count[np.clip(begin, 0, len(time))]
     out[outside] = np.nan
     return out
 
 
-#: Ends of intervals around an edge by which the integral is interpolated, relative to the one before the edge.
-_STENCIL = np.arange(-2, 4)
-#: Range of the lengths of a stencil's intervals, relative to the one in its middle, from which they are not regular.
-_IRREGULAR = 0.1
+def bin_means_of_readings(bins: TimeBins, record: ImuRecord, values: Array) -> Array:
+    """Means over the bins ``(B, 3)`` of values by sample ``(N, 3)`` of a checking IMU.
+
+    NaN in bins with a filled sample, which would be compared with the driving IMU from which it was filled. Force and
+    angular acceleration jump inside the sample in which the vehicle changes.
+    """
+    changes = np.array(bins.changes)
+    changes = changes[(changes > record.start) & (changes <= record.time[-1])]
+    if len(changes):
+        values = values.copy()
+        values[record.index_at(changes)] = np.nan
+    return bin_means(bins.edges, record.time, record.interval, values, smooth=True, excluded=record.filled)
+
+
+#: Number of intervals on each side of an edge without which its integral is not interpolated: a spline amplifies noise
+#: near its ends.
+_REACH = 2
+#: Ratio of the lengths of two adjoining intervals from which they are not regular.
+_IRREGULAR = 1.5
 
 
 def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: IntArray, lost: BoolArray) -> None:
-    """Interpolate the integral at edges inside an interval, in place; `k` is the end before each edge.
+    """Interpolate the integral at edges inside an interval, in place; `k` is the interval of each edge.
 
-    The integral is not known across samples that are `lost` (N,): edges whose stencil contains one remain.
+    The integral is not known across samples that are `lost` (N,): each run of regular ones has its own spline. It is
+    NaN at an edge that has not `_REACH` intervals of a run on each side. The last run ends `_REACH` intervals after the
+    last edge: a jump that follows, of a parachute, would be in the spline's values of ten intervals before it.
     """
-    inside = np.minimum(edges - grid[k], grid[k + 1] - edges) > SAME_TIME
-    inside &= (k + _STENCIL[0] >= 0) & (k + _STENCIL[-1] < len(grid))
-    rows = np.flatnonzero(inside)
-    points = k[rows, None] + _STENCIL
-    regular = np.ptp(np.diff(grid[points], axis=1), axis=1) < _IRREGULAR * (grid[k[rows] + 1] - grid[k[rows]])
-    rows, points = rows[regular], points[regular]
-    nodes = grid[points] - edges[rows, None]
-    weights = np.ones(nodes.shape)
-    for i in range(len(_STENCIL)):
-        for j in range(len(_STENCIL)):
-            if i != j:
-                weights[:, i] *= nodes[:, j] / (nodes[:, j] - nodes[:, i])
-    values = np.einsum("nk,nk...->n...", weights, total[points])
-    count = np.concatenate(([0], np.cumsum(lost)))
-    complete = count[points[:, -1]] == count[points[:, 0]]
-    integral[rows[complete]] = values[complete]
+    length = np.diff(grid)
+    inside = np.flatnonzero(np.minimum(edges - grid[k], grid[k + 1] - edges) > SAME_TIME)
+    longer, shorter = np.maximum(length[1:], length[:-1]), np.minimum(length[1:], length[:-1])
+    breaks = np.concatenate(([True], (longer > _IRREGULAR * shorter) | lost[1:] | lost[:-1]))
+    breaks[k[-1] + _REACH + 1 :] = True
+    begin, run = np.flatnonzero(breaks), np.cumsum(breaks) - 1
+    end = np.append(begin[1:], len(length))
+    integral[inside] = np.nan
+    at = k[inside]
+    inside = inside[(at - begin[run[at]] >= _REACH) & (end[run[at]] - at > _REACH)]
+    for i in np.unique(run[k[inside]]):
+        rows = inside[run[k[inside]] == i]
+        nodes = slice(begin[i], end[i] + 1)
+        values = total[nodes].reshape(end[i] + 1 - begin[i], -1)
+        spline = InterpolatingSpline.through(grid[nodes], values, DEGREE)
+        integral[rows] = spline(edges[rows]).reshape(len(rows), *total.shape[1:])
 
 
 def bin_sigma(bins: TimeBins, time: Array, interval: Array, noise: Array) -> Array:
