@@ -60,6 +60,10 @@ class Null:
     holding_log_likelihood: float = 0.0
     excess_share: float = 0.5
 
+    @property
+    def misfit(self):
+        return self.holding_log_likelihood - self.white_log_likelihood
+
     def explained_share(self, white_log_likelihood):
         return (white_log_likelihood + 90.0) / 90.0  # with white excess variance there is no penalty
 
@@ -443,6 +447,16 @@ def test_an_effect_that_does_not_contend_is_not_iterated_for_a_better_null_model
     h = hypothesis_of(reconstructed, Fit(-80.0), Null())
     assert relinearize_with_effect(h, Null(evidence=-90.0 - PENALTY), contends=False).gain == 10.0
     assert not reconstructed.iterated
+
+
+@pytest.mark.parametrize(("misfit", "share", "iterated"), [(9e3, 0.0, True), (1.1e4, 0.0, False), (1.1e4, 0.03, True)])
+def test_a_negligible_gain_is_not_iterated_for_a_better_null_model(reconstructed, monkeypatch, misfit, share, iterated):
+    """20 nats are 0.2 % of 10,000: above, they are negligible, unless the effect explains more about its own point."""
+    monkeypatch.setattr(Null, "explained_share", lambda self, white_log_likelihood: share)
+    reconstructed.fits, reconstructed.left = [Fit(-80.0), Fit(-30.0)], 0.5
+    h = hypothesis_of(reconstructed, Fit(-80.0), Null(white_log_likelihood=-misfit))
+    relinearize_with_effect(h, Null(evidence=-90.0, white_log_likelihood=-misfit))
+    assert reconstructed.iterated == iterated
 
 
 @pytest.mark.parametrize(

@@ -158,8 +158,7 @@ def _fit_from(model: LinearizedModel, effects: tuple[EffectInstance, ...], null:
     """
     whiten, steps = model.fitted_noise_filter, model.settings.comparison_fit_iterations
     fit = fit_map(model, effects, whiten, steps=steps)
-    misfit = null.holding_log_likelihood - null.white_log_likelihood
-    if model.point.bin_states is None or fit.evidence - model.noise_penalty >= null.evidence - misfit:
+    if model.point.bin_states is None or fit.evidence - model.noise_penalty >= null.evidence - null.misfit:
         return fit
     return max(fit, fit_map(model, effects, whiten, steps=steps, moving=True), key=lambda f: f.evidence)
 
@@ -406,7 +405,7 @@ def relinearize_with_effect(
     Jacobians of the one maximum do not hold at the other. Where it holds with credible values, the gain of the first
     fit is kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
     iteration ends at the first point if the effect explains little there, unless it contends and the null model is more
-    probable about another point than about its first one.
+    probable about another point than about its first one; it ends there in any case if its gain is negligible.
 
     Parameters
     ----------
@@ -433,7 +432,9 @@ def relinearize_with_effect(
     # not where the null model is about another point, or becomes more probable there
     smoothed = h.model.point.bin_states is None
     comparable = smoothed and not (contends and reference.evidence > h.null.evidence)
-    if comparable and fails and not converged and explained_share < settings.least_progress:
+    negligible = h.gain < settings.negligible_gain_share * h.null.misfit
+    little = explained_share < settings.least_progress
+    if fails and little and not converged and (comparable or negligible):
         return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
     relinearized = _best(h.key, [fit], [], reference, case, model, thorough=True)

@@ -277,13 +277,17 @@ class NullModelFit:
     white_log_likelihood: float
     holding_log_likelihood: float
 
+    @property
+    def misfit(self) -> float:
+        """Log-likelihood between the null model and one that holds, nats."""
+        return self.holding_log_likelihood - self.white_log_likelihood
+
     def explained_share(self, white_log_likelihood: float) -> float:
-        """Share of the log-likelihood between the null model and one that holds that another model gains, 0 to 1."""
-        deficit = self.holding_log_likelihood - self.white_log_likelihood
+        """Share of the misfit that another model gains, 0 to 1."""
         gain = white_log_likelihood - self.white_log_likelihood
-        if gain >= deficit or deficit <= 0.0:  # nothing is left to explain
+        if gain >= self.misfit or self.misfit <= 0.0:  # nothing is left to explain
             return 1.0
-        return max(gain, 0.0) / deficit
+        return max(gain, 0.0) / self.misfit
 
 
 def fit_null_model(
