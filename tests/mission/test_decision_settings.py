@@ -32,7 +32,7 @@ DEFAULTS = {
     "linearization_iterations": 6, "iterated_excess_share": 0.2, "linearization_tolerance_sigmas": 0.1,
     "linearization_convergence_nats": 2.0, "state_limit_sigmas": 100.0,
     "log_density_limit": 0.9, "alternative_iterations": 4, "alternative_progress": 0.8,
-    "least_progress": 0.02, "negligible_gain_share": 2e-3, "credible_nuisance_sigmas": 5.0,
+    "least_progress": 0.02, "credible_nuisance_sigmas": 5.0,
     "scan_start_pressure_pa": 1.0, "altitude_scan_top_m": 70e3, "altitude_scan_below_m": 3e3, "shortlist_size": 4,
     "starting_places": 3, "distinct_correlation": 0.7, "minimum_screening_gain": 0.0, "place_refinements": 6,
     "altitude_step_m": 4e3,

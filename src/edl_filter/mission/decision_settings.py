@@ -152,12 +152,6 @@ class DecisionSettings(Section):
         "reconstruction; otherwise it is not iterated",
         NUMERICS,
     )
-    negligible_gain_share: Annotated[Number, Within("", 0.0, 1.0)] = _setting(
-        2e-3,
-        "the same share of a gain about the first point below which an effect that gains less than `least_progress` is "
-        "not iterated even where the model without it becomes more probable about another point",
-        STUDY,
-    )
     credible_nuisance_sigmas: Annotated[Number, Within("", 0.0, 100.0, above=True)] = _setting(
         5.0, "sigmas by which a nuisance parameter may credibly be off: 6e-7 by chance", CHANCE
     )

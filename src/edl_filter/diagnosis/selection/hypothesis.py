@@ -404,8 +404,9 @@ def relinearize_with_effect(
     effect holds only with a nuisance parameter many sigmas from its stated value, if that gain is larger: there the
     Jacobians of the one maximum do not hold at the other. Where it holds with credible values, the gain of the first
     fit is kept: evidence differs by some nats from point to point, and both models are compared about the same one. The
-    iteration ends at the first point if the effect explains little there, unless it contends and the null model is more
-    probable about another point than about its first one; it ends there in any case if its gain is negligible.
+    iteration ends at the first point if the effect explains little there, unless it contends and the null model makes
+    progress about another point: then the effect may, too. Below `complemented_explained_share` of the misfit, with
+    which no effect is named, it does not count.
 
     Parameters
     ----------
@@ -431,10 +432,9 @@ def relinearize_with_effect(
     fails = not start.at_floor and first.excess_variance.share > failing_share
     # not where the null model is about another point, or becomes more probable there
     smoothed = h.model.point.bin_states is None
-    comparable = smoothed and not (contends and reference.evidence > h.null.evidence)
-    negligible = h.gain < settings.negligible_gain_share * h.null.misfit
-    little = explained_share < settings.least_progress
-    if fails and little and not converged and (comparable or negligible):
+    progress = reference.evidence - h.null.evidence > settings.complemented_explained_share * h.null.misfit
+    comparable = smoothed and not (contends and progress)
+    if comparable and fails and not converged and explained_share < settings.least_progress:
         return replace(start.with_reference(reference), explained_share=explained_share)
     case, model, fit = iterate_to_convergence(case, iterations=2, first=first)
     relinearized = _best(h.key, [fit], [], reference, case, model, thorough=True)
