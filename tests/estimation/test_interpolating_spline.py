@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
+from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline, piecewise_integral
 
 
 @pytest.mark.parametrize(("degree", "count"), [(1, 2), (3, 4), (3, 5), (3, 300), (5, 6), (5, 7), (5, 300)])
@@ -80,3 +80,27 @@ def test_few_samples_have_a_spline_of_lower_degree(count):
     mean = 2.0 + 3.0 * middle[:, None]
     spline = integral_spline(edges, np.full(count, 0.1), mean)
     np.testing.assert_allclose(spline.derivative()(middle), mean, rtol=1e-9)
+
+
+def test_without_unknown_intervals_the_piecewise_integral_is_one_spline():
+    rng = np.random.default_rng(3)
+    interval, mean = rng.uniform(0.9, 1.1, 30), rng.normal(size=(30, 2))
+    edges = np.append(0.0, np.cumsum(interval))
+    at = np.concatenate((edges, rng.uniform(0.0, edges[-1], 50), [-1.0, edges[-1] + 1.0]))
+    whole, pieces = integral_spline(edges, interval, mean), piecewise_integral(edges, interval, mean)
+    np.testing.assert_array_equal(pieces(at), whole(np.clip(at, 0.0, edges[-1])))
+
+
+def test_each_run_of_known_intervals_has_a_spline_of_its_own():
+    """The integral of a polynomial within each run, of fewer intervals than the degree too; none in between."""
+    edges = np.arange(31.0)
+    polynomial = np.polynomial.Polynomial([0.3, -0.2, 0.05, 0.004])
+    mean = np.diff(polynomial.integ()(edges))[:, None]
+    mean[[8, 9, 20, 23]] = np.nan
+    integral = piecewise_integral(edges, np.ones(30), mean)
+    for begin, end in ((0, 8), (10, 20), (24, 30)):
+        at = np.linspace(begin, end, 23)
+        exact = polynomial.integ()(at) - polynomial.integ()(begin)
+        np.testing.assert_allclose(integral(at)[:, 0], exact, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.diff(integral(np.array([21.0, 22.0, 23.0])), axis=0), mean[21:23])
+    assert not integral(np.array([8.5, 9.999, 20.5, 23.5])).any()

@@ -141,6 +141,18 @@ def test_a_constant_delay_is_no_disagreement(delay, with_error, telemetry):
     assert disagreements(*records, END, PROBABILITY) == []
 
 
+@pytest.mark.parametrize("with_error", [0, 1])
+def test_lost_samples_of_an_imu_with_another_clock_are_no_disagreement(with_error, telemetry):
+    """A spline that took a lost reading for zero would oscillate over ten samples on either side of it."""
+    records = [telemetry.driving, telemetry.checking[0]]
+    lost = np.random.default_rng(1).uniform(size=(len(records[with_error]), 1)) < 0.02
+    force, rate = (np.where(lost, np.nan, getattr(records[with_error], key)) for key in (FORCE, RATE))
+    records[with_error] = replace(
+        records[with_error], specific_force=force, angular_rate=rate, time=records[with_error].time + 0.05
+    )
+    assert disagreements(*records, END, PROBABILITY) == []
+
+
 @pytest.mark.parametrize("delay", [-0.4, 0.1])
 @pytest.mark.parametrize("with_error", [0, 1])
 def test_gyros_that_are_late_against_the_accelerometers_have_a_delay_and_are_no_disagreement(

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from edl_filter.types import Array, IntArray
+from edl_filter.types import Array, BoolArray, IntArray
 
 #: Degree of splines through integrals.
 DEGREE = 5
@@ -118,6 +118,70 @@ def integral_spline(edges: Array, interval: Array, mean: Array, degree: int = DE
     np.cumsum(mean * interval[:, None], axis=0, out=integral[1:])
     largest = len(interval) if len(interval) % 2 else len(interval) - 1
     return InterpolatingSpline.through(edges, integral, min(degree, largest))
+
+
+@dataclass(frozen=True)
+class PiecewiseSpline:
+    """Splines over adjoining ranges of the abscissa.
+
+    Attributes
+    ----------
+    edges : (K + 1,) array
+        Of the ranges, increasing.
+    pieces : tuple of InterpolatingSpline or None
+        One for each range; None: zero.
+    count : int
+        Number of values.
+    """
+
+    edges: Array
+    pieces: tuple[InterpolatingSpline | None, ...]
+    count: int
+
+    def __call__(self, x: Array) -> Array:
+        """Values ``(M, count)`` at ``(M,)`` abscissae, those outside at the nearest end.
+
+        A common end of two ranges belongs to the second one, or to the first one if the second one has no spline.
+        """
+        inside = np.asarray(np.clip(x, self.edges[0], self.edges[-1]), float)
+        piece = np.asarray(np.searchsorted(self.edges, inside, side="right") - 1)
+        piece = np.minimum(piece, len(self.pieces) - 1)
+        empty = np.array([spline is None for spline in self.pieces])
+        piece = piece - (empty[piece] & (piece > 0) & np.asarray(inside == self.edges[piece]))
+        out = np.zeros((len(inside), self.count))
+        for k, spline in enumerate(self.pieces):
+            rows = np.flatnonzero(piece == k)
+            if spline is not None and len(rows):
+                out[rows] = spline(inside[rows])
+        return out
+
+
+def piecewise_integral(edges: Array, interval: Array, mean: Array, degree: int = DEGREE) -> PiecewiseSpline:
+    """Splines through the integral of a quantity, one for each run of intervals whose means are known.
+
+    Parameters
+    ----------
+    edges : (N + 1,) array
+        Of the intervals.
+    interval : (N,) array
+        Their lengths.
+    mean : (N, m) array
+        Means over the intervals; NaN where they are not known.
+    degree : int
+        As of `integral_spline`.
+
+    Returns
+    -------
+    PiecewiseSpline
+        Of the integral ``(m,)`` since the begin of each run. Differences across an unknown interval have no meaning.
+    """
+    known: BoolArray = np.asarray(np.isfinite(mean).all(axis=1), np.bool_)
+    begins = np.concatenate(([0], 1 + np.flatnonzero(np.diff(known))))
+    pieces = [
+        integral_spline(edges[i : j + 1], interval[i:j], mean[i:j], degree) if known[i] else None
+        for i, j in zip(begins, [*begins[1:], len(known)], strict=True)
+    ]
+    return PiecewiseSpline(np.append(edges[begins], edges[-1]), tuple(pieces), mean.shape[1])
 
 
 @lru_cache(_KEPT_ABSCISSAE)

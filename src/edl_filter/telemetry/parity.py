@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from edl_filter.estimation.interpolating_spline import InterpolatingSpline
+from edl_filter.estimation.interpolating_spline import PiecewiseSpline
 from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, lever_arm_acceleration
 from edl_filter.telemetry.record import ImuRecord, finite_rows
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
@@ -41,7 +41,7 @@ class Pair:
         Readings of the reference, the force at the place of the checked IMU; zero where lost.
     arm_error : (N,) array
         One sigma of the force by the interpolation between the rates' samples (`interpolation_sigma`), m/s².
-    integral : InterpolatingSpline
+    integral : PiecewiseSpline
         Of the checked IMU's readings.
     """
 
@@ -51,7 +51,7 @@ class Pair:
     rate: Array
     force: Array
     arm_error: Array
-    integral: InterpolatingSpline
+    integral: PiecewiseSpline
 
 
 @dataclass(frozen=True)

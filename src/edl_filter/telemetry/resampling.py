@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from edl_filter.estimation.interpolating_spline import DEGREE, InterpolatingSpline, integral_spline
+from edl_filter.estimation.interpolating_spline import DEGREE, PiecewiseSpline, piecewise_integral
 from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_weights, lever_arm_acceleration
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows
 from edl_filter.types import Array, BoolArray
@@ -165,7 +165,7 @@ def means_error(record: ImuRecord, edges: Array, *triads: Array) -> list[Array]:
     edges : (N + 1,) array
         s.
     *triads : (M, 3) arrays
-        Means over the record's intervals, of any unit; NaN counts as zero.
+        Means over the record's intervals, of any unit; NaN where one is lost.
 
     Returns
     -------
@@ -223,7 +223,7 @@ def near_lost(lost: BoolArray) -> BoolArray:
 def covered(record: ImuRecord, edges: Array) -> BoolArray:
     """Intervals (N,) between edges (N + 1,), s, that finite readings of a record cover, with a neighbour on each side.
 
-    Next to a lost sample `readings_integral` would take its zero for a reading.
+    Near a lost sample a spline of `readings_integral` ends, where it amplifies noise.
     """
     lost = near_lost(~(finite_rows(record.specific_force) & finite_rows(record.angular_rate)))
     count = np.concatenate(([0], np.cumsum(lost)))
@@ -235,33 +235,32 @@ def covered(record: ImuRecord, edges: Array) -> BoolArray:
     return out
 
 
-def readings_integral(record: ImuRecord, *triads: Array, degree: int = DEGREE) -> InterpolatingSpline:
-    """Spline through the integrals of a record's readings over time; `means_between` evaluates it.
+def readings_integral(record: ImuRecord, *triads: Array, degree: int = DEGREE) -> PiecewiseSpline:
+    """Splines through the integrals of a record's readings over time; `means_between` evaluates them.
 
     Parameters
     ----------
     record : ImuRecord
         Of the readings.
     *triads : (M, 3) arrays
-        Means over its intervals, of any unit; NaN counts as zero.
+        Means over its intervals, of any unit; NaN where one is lost.
     degree : int
-        Of the spline, odd.
+        Of the splines, odd.
 
     Returns
     -------
-    InterpolatingSpline
-        Of three values for each triad.
+    PiecewiseSpline
+        Of three values for each triad; a spline for each run of samples without a lost value.
     """
-    edges = record.edges
-    return integral_spline(edges, record.interval, np.nan_to_num(np.concatenate(triads, axis=1)), degree)
+    return piecewise_integral(record.edges, record.interval, np.concatenate(triads, axis=1), degree)
 
 
-def means_between(integral: InterpolatingSpline, edges: Array) -> list[Array]:
+def means_between(integral: PiecewiseSpline, edges: Array) -> list[Array]:
     """Means of readings between other edges than theirs.
 
     Parameters
     ----------
-    integral : InterpolatingSpline
+    integral : PiecewiseSpline
         Of `readings_integral`.
     edges : (N + 1,) array
         s; those outside the record count as its ends.
@@ -271,6 +270,5 @@ def means_between(integral: InterpolatingSpline, edges: Array) -> list[Array]:
     list of (N, 3) arrays
         One for each triad.
     """
-    at_edges = integral(np.clip(edges, integral.knots[0], integral.knots[-1]))
-    means = np.diff(at_edges, axis=0) / np.diff(edges)[:, None]
+    means = np.diff(integral(edges), axis=0) / np.diff(edges)[:, None]
     return np.split(means, means.shape[1] // 3, axis=1)
