@@ -14,6 +14,7 @@ from edl_filter.telemetry.resampling import (
     angular_acceleration_error,
     averaged,
     comparable_records,
+    covered,
     interpolation_sigma,
     means_between,
     means_error,
@@ -59,6 +60,20 @@ def test_means_between_own_edges_are_the_readings_and_triads_do_not_mix():
     (alone,) = means_between(readings_integral(checked, checked.angular_rate), inside)
     np.testing.assert_allclose(rate, alone, rtol=0, atol=1e-13)
     assert force.shape == rate.shape
+
+
+def test_lost_samples_do_not_change_means_that_are_covered():
+    """Between the samples, at half a sample of phase; a spline that takes a lost reading for zero oscillates there."""
+    _, record = two_records(noise=0.0, count=200)
+    edges = np.concatenate(([record.start], record.time))[2:-2] + 0.5 * DT
+    complete = means_between(readings_integral(record, record.specific_force, record.angular_rate), edges)
+    force, rate = record.specific_force.copy(), record.angular_rate.copy()
+    force[80], rate[[80, 130, 131]] = np.nan, np.nan
+    lost = replace(record, specific_force=force, angular_rate=rate)
+    used = covered(lost, edges)
+    assert 160 < np.count_nonzero(used) < 185
+    for means, expected in zip(means_between(readings_integral(lost, force, rate), edges), complete, strict=True):
+        assert np.abs(means - expected)[used].max() < 1e-4 * np.abs(expected).max()
 
 
 def test_records_of_similar_rates_are_compared_as_they_are():
