@@ -17,6 +17,7 @@ from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, lost_stretches, reconstruct
 from edl_filter.pipeline.redundancy import contradicting
 from edl_filter.pipeline.trust import check_record, judge
+from edl_filter.simulation import Scenario, simulate
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_repair import repaired
 
@@ -255,3 +256,19 @@ def test_force_and_rate_with_different_clocks_are_not_trusted_unless_the_model_h
     for tau, named in ((0.05, False), (0.0, True)):
         with_effect = replace(run, effects=(EffectInstance(catalogue()["imu_time_offset"], {"tau": tau}),))
         assert ("different clocks" in str(judge(with_effect).headline)) is named
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "interval", "frequency"), [("mer", 0.25, 3.0), ("phoenix", 0.25, 2.2), ("mer", 0.125, None)]
+)
+def test_swinging_under_a_parachute_that_the_samples_do_not_resolve(tmp_path, vehicle, interval, frequency):
+    """The pendulum's frequency follows from mass, inertia, half a diameter and the largest force of the opening."""
+    scenario = Scenario.load(f"builtin:{vehicle}", [f"sampling.interval_s={interval}", "sampling.substeps=20"])
+    path = simulate(scenario, (), 3).write(tmp_path / "flight.h5")
+    mission = Mission.load(f"builtin:practice_{vehicle}", [f"telemetry.path={path}"])
+    trust = judge(reconstruct(mission))
+    if frequency is None:
+        assert trust.trustworthy
+        return
+    assert not trust.trustworthy and f"samples at {1.0 / interval:g} Hz" in trust.headline
+    assert float(trust.headline.split("up to about ")[1].split(" Hz")[0]) == pytest.approx(frequency, abs=0.15)

@@ -12,6 +12,8 @@ either if
 - the IMU shows no opening shock at the stated deployment of the parachute;
 - the clock of a single IMU runs at another rate than its sampling interval states, so that its rotation is not known,
   or its velocity less well than stated;
+- force and rate of one IMU are late against each other, and no effect of the model contains it;
+- under the parachute the vehicle swings faster than the driving IMU's samples resolve;
 - two IMUs disagree and it is not known which one is at fault (`redundancy`);
 - by its altimeter the vehicle did not come to rest on the ground (`ground_height`).
 
@@ -97,9 +99,13 @@ def judge(reconstruction: Reconstruction) -> Trust:
     r = reconstruction
     rejected = contradicting(r.filter_pass)
     diverged = r.recovery is not None and r.recovery.cause != "gap"
-    lost = lost_motion(r) or _disagreement(r.telemetry) or _two_clocks(r) or _no_opening_shock(r) or _unknown_clock(r)
-    if lost is not None:
-        return Trust(False, f"Do not trust this result: {lost}.", rejected, ())
+    reasons = (
+        lost_motion(r), _disagreement(r.telemetry), _two_clocks(r), _no_opening_shock(r), _unknown_clock(r),
+        _unresolved_swing(r),
+    )  # fmt: skip
+    unknown = next((reason for reason in reasons if reason is not None), None)
+    if unknown is not None:
+        return Trust(False, f"Do not trust this result: {unknown}.", rejected, ())
     if not rejected and not diverged:
         above = _not_on_the_ground(r)
         if above is None:
@@ -288,6 +294,34 @@ def _force_increase(time: Array, size: Array, at: float) -> float:
     if not len(before) or not len(after) or np.mean(before) < _LEAST_DECELERATION:
         return float("nan")
     return float(np.max(after) / np.mean(before))
+
+
+def _unresolved_swing(reconstruction: Reconstruction) -> str | None:
+    """That the vehicle swings under its parachute faster than its IMU resolves, as words; None if it does not.
+
+    A body of mass m on which the parachute pulls with the specific force f at a distance l from its centre of mass is a
+    pendulum with ω² = m f l / I. Half a diameter is a small value of l. Above half of the sampling frequency the
+    readings show the swinging at another frequency: neither its coning nor its noise are known
+    (`navigation.unresolved`).
+    """
+    r = reconstruction
+    deployment, vehicle = r.event_times.get("parachute_deploy"), r.mission.vehicle
+    if deployment is None or vehicle.inertia is None:
+        return None
+    samples = r.problem.samples
+    inflating = (samples.time > deployment) & (samples.time <= deployment + INFLATION) & ~samples.filled
+    if not inflating.any():
+        return None
+    force = float(np.max(np.linalg.norm(samples.mean_force[inflating], axis=1)))
+    inertia = 0.5 * (vehicle.inertia.yy + vehicle.inertia.zz)
+    frequency = float(np.sqrt(vehicle.mass * force * 0.5 * vehicle.diameter / inertia)) / (2.0 * np.pi)
+    sampling = 1.0 / float(np.median(r.telemetry.driving.interval))
+    if frequency <= 0.5 * sampling:
+        return None
+    return (
+        f"IMU {r.telemetry.driving.name} samples at {sampling:.3g} Hz and does not resolve the swinging of the vehicle "
+        f"under its parachute, up to about {frequency:.1f} Hz: errors of attitude and velocity may exceed their sigmas"
+    )
 
 
 def _unknown_clock(reconstruction: Reconstruction) -> str | None:
