@@ -167,6 +167,8 @@ def bin_means_of_readings(bins: TimeBins, record: ImuRecord, values: Array) -> A
 #: Number of intervals on each side of an edge without which its integral is not interpolated: a spline amplifies noise
 #: near its ends.
 _REACH = 2
+#: Distance from the nearest end of an interval, relative to its length, below which that noise is negligible.
+_NEAR_A_NODE = 0.05
 #: Ratio of the lengths of two adjoining intervals from which they are not regular.
 _IRREGULAR = 1.5
 
@@ -175,8 +177,9 @@ def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: In
     """Interpolate the integral at edges inside an interval, in place; `k` is the interval of each edge.
 
     The integral is not known across samples that are `lost` (N,): each run of regular ones has its own spline. It is
-    NaN at an edge that has not `_REACH` intervals of a run on each side. The last run ends `_REACH` intervals after the
-    last edge: a jump that follows, of a parachute, would be in the spline's values of ten intervals before it.
+    NaN at an edge that has not `_REACH` intervals of a run on each side and is not near the end of an interval. The
+    last run ends `_REACH` intervals after the last edge: a jump that follows, of a parachute, would be in the spline's
+    values of ten intervals before it.
     """
     length = np.diff(grid)
     inside = np.flatnonzero(np.minimum(edges - grid[k], grid[k + 1] - edges) > SAME_TIME)
@@ -187,12 +190,15 @@ def _interpolate(integral: Array, edges: Array, grid: Array, total: Array, k: In
     end = np.append(begin[1:], len(length))
     integral[inside] = np.nan
     at = k[inside]
-    inside = inside[(at - begin[run[at]] >= _REACH) & (end[run[at]] - at > _REACH)]
+    interior = (at - begin[run[at]] >= _REACH) & (end[run[at]] - at > _REACH)
+    nearest = np.minimum(edges[inside] - grid[at], grid[at + 1] - edges[inside])
+    inside = inside[interior | (nearest < _NEAR_A_NODE * length[at])]
     for i in np.unique(run[k[inside]]):
         rows = inside[run[k[inside]] == i]
         nodes = slice(begin[i], end[i] + 1)
         values = total[nodes].reshape(end[i] + 1 - begin[i], -1)
-        spline = InterpolatingSpline.through(grid[nodes], values, DEGREE)
+        degree = min(DEGREE, (len(values) - 2) // 2 * 2 + 1)
+        spline = InterpolatingSpline.through(grid[nodes], values, degree)
         integral[rows] = spline(edges[rows]).reshape(len(rows), *total.shape[1:])
 
 
