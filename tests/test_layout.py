@@ -63,7 +63,6 @@ COVERED_BY = {
     "report/constraints.py": ["report/test_figures.py"],
     "report/html/bundle.py": ["report/html/test_page.py"],
     "report/html/flight_sections.py": ["report/html/test_page.py"],
-    "report/landing_ellipse.py": ["report/test_figures.py"],
     "report/motion.py": ["report/test_figures.py"],
     "report/notebook.py": ["test_api.py"],
     "report/rotation.py": ["report/test_postflight_figures.py"],
