@@ -87,7 +87,6 @@ COVERED_BY = {
     "simulation/flight.py": ["simulation/test_simulate.py"],
     "simulation/increments.py": ["simulation/test_dynamics.py", "simulation/test_motion.py"],
     "simulation/parachute.py": ["simulation/test_dynamics.py", "simulation/test_motion.py"],
-    "telemetry/comparison.py": ["telemetry/test_mer_flight.py"],
     "telemetry/csv_spec.py": ["telemetry/test_csv_log.py"],
     "telemetry/hdf5_checks.py": ["telemetry/test_flight_file.py"],
     "telemetry/mer_register.py": ["telemetry/test_mer_flight.py"],
