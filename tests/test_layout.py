@@ -94,7 +94,6 @@ COVERED_BY = {
     "telemetry/quantisation.py": ["telemetry/test_flight_file.py", "telemetry/test_sample_repair.py"],
     "telemetry/record.py": ["telemetry/test_calibration.py", "telemetry/test_sample_repair.py"],
     "telemetry/spikes.py": ["telemetry/test_sample_repair.py"],
-    "workflow/campaign_block.py": ["workflow/test_campaign.py"],
     "workflow/campaign_files.py": ["workflow/test_campaign.py"],
     "workflow/campaign_process.py": ["workflow/test_campaign.py", "workflow/test_campaign_faults.py"],
 }  # fmt: skip
