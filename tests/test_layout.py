@@ -52,7 +52,6 @@ COVERED_BY = {
     "pipeline/entry_state.py": ["flights/test_mer.py"],
     "pipeline/plausibility.py": ["pipeline/test_trust.py"],
     "pipeline/record_comparison.py": ["pipeline/test_trust.py"],
-    "planet/species.py": ["planet/test_gas.py"],
     "postflight/atmosphere_case.py": ["postflight/test_derive.py"],
     "postflight/coefficients.py": ["postflight/test_derive.py"],
     "postflight/inputs.py": ["postflight/test_derive.py"],
