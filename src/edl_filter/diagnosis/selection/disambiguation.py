@@ -17,7 +17,7 @@ import numpy as np
 from edl_filter.aero.discrepancy import ASYMMETRIES
 from edl_filter.diagnosis.jacobians.nuisance import CHECKING, FIELD_STATES
 from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, rows_by_constraint
 from edl_filter.effects.base import EffectInstance
 from edl_filter.estimation.kalman import Whitening, whitening_filter
 from edl_filter.estimation.linear_state_space import LinearStateSpace, with_known_states, with_less_noise
@@ -108,12 +108,9 @@ def candidate_measurements(
     candidates: list[tuple[str, Callable[[LinearStateSpace], LinearStateSpace]]] = [
         (f"knowing {what}", partial(with_known_states, states=states)) for what, states in known.items()
     ]
-    by_name: dict[str, list[IntArray]] = {}
-    for constraint, rows in zip(model.inputs.problem.constraints, model.index.constraint_rows, strict=True):
-        by_name.setdefault(constraint.name, []).append(np.arange(rows.start, rows.stop))
     factor = model.settings.constraint_improvement
-    for name, rows_of_uses in by_name.items():
-        improved = partial(with_less_noise, rows=np.concatenate(rows_of_uses), factor=factor)
+    for name, rows in rows_by_constraint(model).items():
+        improved = partial(with_less_noise, rows=rows, factor=factor)
         candidates.append((f"a constraint {name} {factor:.0f} times better", improved))
     return candidates
 
