@@ -16,7 +16,7 @@ import numpy as np
 
 from edl_filter.aero.discrepancy import ASYMMETRIES
 from edl_filter.diagnosis.jacobians.nuisance import CHECKING, FIELD_STATES
-from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, stacked
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, rows_by_constraint
 from edl_filter.effects.base import EffectInstance
 from edl_filter.estimation.kalman import Whitening, whitening_filter
@@ -81,12 +81,11 @@ def best_discriminator(
     pair = (first,) if second is None else (first, second)
     jacobians = [effect_jacobian(model, a.at_zero()) for a in pair]
     sizes = [np.array([a.values[n] for n in j.names]) for a, j in zip(pair, jacobians, strict=True)]
-    rows = np.concatenate([j.rows for j in jacobians], axis=1)
-    initial_mean = np.concatenate([j.initial_mean for j in jacobians], axis=1)
+    columns = stacked(jacobians)
     width = len(sizes[0])
 
     def evidence(whiten: Whitening) -> float:
-        white = whiten(rows, initial_mean)
+        white = whiten(*columns)
         a, b = white[:, :width], white[:, width:]
         of_first = _distinct_evidence(a @ sizes[0], b)
         return of_first if second is None else min(of_first, _distinct_evidence(b @ sizes[1], a))
