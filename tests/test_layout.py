@@ -44,6 +44,7 @@ COVERED_BY = {
     "io/progress.py": ["serve/test_jobs.py"],
     "io/yaml_guard.py": ["hostile/test_refusals.py"],
     "mission/aerodynamics.py": ["results/test_postflight.py"],
+    "mission/edit_effects.py": ["test_api.py", "workflow/test_add_effect.py", "workflow/test_improve_model.py"],
     "mission/fields.py": ["mission/test_decision_settings.py", "mission/test_mission.py"],
     "mission/measurements.py": ["mission/test_mission.py"],
     "mission/new_mission.py": ["cli/test_new.py"],
@@ -100,7 +101,6 @@ COVERED_BY = {
 COVERED_BY_COMMAND = {
     "report/terminal/campaign.py": ("campaign", "cli/test_campaign.py"),
     "report/terminal/effects.py": ("effects", "cli/test_diagnosis.py"),
-    "workflow/add_effect.py": ("add", "cli/test_diagnosis.py"),
     "workflow/campaign_report.py": ("campaign", "cli/test_campaign.py"),
     "workflow/compare_results.py": ("compare", "workflow/test_improve_model.py"),
     "workflow/draw_figures.py": ("figures", "cli/test_reconstruction.py"),
