@@ -20,6 +20,7 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceler
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import LEAST_ROWS, normalised_innovations
 from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.series import runs
 from edl_filter.estimation.smoothing import smoothed_last_states
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import AXES, Array, BoolArray, IntArray
@@ -180,16 +181,13 @@ def _failing_span(
         return None
     # a gap of one piece does not divide a span
     closed = fails | (np.roll(fails, 1) & np.roll(fails, -1))
-    starts = np.flatnonzero(closed & ~np.concatenate(([False], closed[:-1])))
-    stops = np.flatnonzero(closed & ~np.concatenate((closed[1:], [False])))
-    largest = int(np.argmax([np.sum(square[a : b + 1] * count[a : b + 1]) for a, b in zip(starts, stops, strict=True)]))
-    a, b = starts[largest], stops[largest]
-    if b == a:
+    a, b = max(runs(closed), key=lambda run: np.sum(square[slice(*run)] * count[slice(*run)]))
+    if b == a + 1:
         return None
-    inside = (piece >= a) & (piece <= b)
+    inside = (piece >= a) & (piece < b)
     return (
         float(edges[0] + a * length),
-        float(edges[0] + (b + 1) * length),
+        float(edges[0] + b * length),
         float(np.sqrt(np.mean(values[inside] ** 2))),
     )
 
