@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 #: Exit code of a command that is done with a result which is not to be trusted.
 UNTRUSTWORTHY = 3
+#: Most characters of a quoted value in a message.
+_LONGEST = 80
 
 
 class InputError(Exception):
@@ -18,10 +20,10 @@ class InterruptedCommandError(Exception):
     """A command was interrupted by Ctrl-C; the message says what it has kept."""
 
 
-def quoted(value: object, longest: int = 80) -> str:
-    """A value of a file in a message: quoted, without control characters, and of at most `longest` characters."""
+def quoted(value: object) -> str:
+    """A value of a file in a message: quoted, without control characters, and of at most `_LONGEST` characters."""
     text = repr(value)
-    return text if len(text) <= longest else f"{text[: longest - 2]} …"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 2]} …"
 
 
 def enumerated(names: Sequence[str]) -> str:

@@ -8,9 +8,8 @@ from forebodies import MER
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.aero.body import SphereCone, sphere_cone
+from edl_filter.aero.body import SphereCone, _bodies, sphere_cone
 from edl_filter.errors import InputError
-from edl_filter.io.csv_table import package_data
 
 
 @st.composite
@@ -100,17 +99,11 @@ def test_too_few_points_raise():
         MER.meridian(0)
 
 
-def test_bodies_by_name(tmp_path):
-    table = tmp_path / "geometry.csv"
-    table.write_text(package_data("vehicle_geometry.csv").read_text(encoding="utf-8"), encoding="utf-8")
-    assert sphere_cone("mer", table) == MER
-    assert sphere_cone("Stardust", table).diameter == pytest.approx(0.8128)
+def test_bodies_by_name():
+    assert sphere_cone("mer") == sphere_cone("MER") == MER
+    assert sphere_cone("Stardust").diameter == pytest.approx(0.8128)
     with pytest.raises(InputError, match=r"'Beagle'.*Viking, Pathfinder, MER"):
-        sphere_cone("Beagle", table)
-
-
-def test_bodies_of_the_package():
-    assert sphere_cone("MER") == MER
+        sphere_cone("Beagle")
 
 
 @pytest.mark.parametrize(
@@ -126,4 +119,4 @@ def test_invalid_table_raises(tmp_path, text, message):
     path = tmp_path / "geometry.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
-        sphere_cone("A", path)
+        _bodies(path)

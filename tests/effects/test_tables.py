@@ -10,10 +10,10 @@ from effect_pages import catalogue_table
 from edl_filter.effects.registry import catalogue
 from edl_filter.effects.tables import as_plain
 from edl_filter.mission import Mission, shipped_mission
-from edl_filter.mission.edit_effects import add_effect
 from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.reconstruct import reconstruct
 from edl_filter.postflight.flight import derived_quantities
+from edl_filter.workflow.add_effect import add_effect
 
 DOCS = Path(__file__).parents[2] / "docs" / "effects.md"
 BEGIN, END = "<!-- catalogue -->\n", "<!-- end of catalogue -->"

@@ -6,8 +6,7 @@ from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.mission.world import CompositionConfig
 from edl_filter.pipeline.load import gas_of, read_atmosphere
-from edl_filter.planet.gas import MARS, NAMED_GASES, Gas, mixture
-from edl_filter.planet.species import SPECIES
+from edl_filter.planet.gas import MARS, NAMED_GASES, SPECIES, Gas, mixture
 
 
 def gas(*overrides, mission="practice_mer"):

@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from edl_filter.planet.gas import MARS, NAMED_GASES, Gas, gas_of_constants, heat_capacity_ratio, mixture
-from edl_filter.planet.species import MOLAR_GAS_CONSTANT, SPECIES
+from edl_filter.planet.gas import (
+    MARS,
+    MOLAR_GAS_CONSTANT,
+    NAMED_GASES,
+    SPECIES,
+    Gas,
+    gas_of_constants,
+    heat_capacity_ratio,
+    mixture,
+)
 
 #: Coefficients of cp/R from 200 to 1000 K: a1/T² + a2/T + a3 + a4 T + a5 T² + a6 T³ + a7 T⁴ (NASA/TP-2002-211556).
 NASA = {

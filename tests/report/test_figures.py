@@ -10,9 +10,9 @@ from scipy.stats import chi2
 from edl_filter.report import attitude, constraints, figures, motion, track, trajectory
 from edl_filter.report.description import Axis, Figure, Line, Panel, Text
 from edl_filter.report.figures import FIGURES, draw_all
-from edl_filter.report.landing_ellipse import LocalMap, landing_estimate
 from edl_filter.report.matplotlib_renderer import draw, draw_panel, write_figure
 from edl_filter.report.text import time_label
+from edl_filter.report.track import LocalMap, landing_estimate
 from edl_filter.results.reader import ResultReader
 
 EVENTS = {"parachute_deploy": 60.0, "heat_shield_separation": 66.0, "bridle_cut": 88.0, "landing": 90.0}

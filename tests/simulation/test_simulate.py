@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+import slow_flight as slow
 
 from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
@@ -10,8 +11,13 @@ from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.reconstruct import reconstruct
+from edl_filter.planet import ellipsoid
 from edl_filter.simulation import Scenario, simulate
+from edl_filter.simulation.simulate import attitude, inertial_state
 from edl_filter.telemetry.flight_file import read_flight_file
+
+#: Radius, latitude, longitude, speed, flight-path angle and azimuth at entry.
+GIVEN = (3.522e6, -0.3, 2.8, 5600.0, -0.2, 1.4)
 
 
 @pytest.fixture(scope="module")
@@ -171,3 +177,26 @@ def test_the_altimeter_reads_at_its_own_interval(mer_flight):
     seldom, often = simulate(scenario, seed=1).telemetry().altimeter, mer_flight.telemetry().altimeter
     np.testing.assert_allclose(np.diff(seldom.time), 0.5, atol=1e-9)
     assert len(often.time) == pytest.approx(4 * len(seldom.time), abs=4)
+
+
+def test_state_has_the_conditions_stated():
+    r, v = inertial_state(slow.MARS, *GIVEN)
+    latitude, longitude, radius = ellipsoid.areocentric_from_fixed(slow.MARS.rotation.to_fixed(0.0, r))
+    np.testing.assert_allclose([radius, latitude, longitude], GIVEN[:3], rtol=1e-12)
+    up = r / radius
+    east = np.cross([0.0, 0.0, 1.0], up) / np.cos(latitude)
+    north = np.cross(up, east)
+    np.testing.assert_allclose(np.linalg.norm(v), GIVEN[3], rtol=1e-12)
+    np.testing.assert_allclose(np.arcsin(v @ up / GIVEN[3]), GIVEN[4], rtol=1e-12)
+    np.testing.assert_allclose(np.arctan2(v @ east, v @ north), GIVEN[5], rtol=1e-12)
+
+
+def test_attitude_has_the_angles_stated():
+    r, v = inertial_state(slow.MARS, *GIVEN)
+    for alpha, beta, bank in ((0.0, 0.0, 0.0), (0.1, -0.05, 0.0), (-0.2, 0.15, 2.0)):
+        q = attitude(v, r, alpha, beta, bank)
+        x, y, z = rotations.rotate(rotations.conjugate(q), v / np.linalg.norm(v))
+        np.testing.assert_allclose([np.arctan2(z, x), np.arcsin(y)], [alpha, beta], atol=1e-12)
+    level = attitude(v, r, 0.0, 0.0, 0.0)
+    down = rotations.rotate(level, [0.0, 0.0, 1.0])
+    assert down @ r < 0.0 and abs(rotations.rotate(level, [0.0, 1.0, 0.0]) @ r) < 1e-6

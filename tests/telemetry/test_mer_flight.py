@@ -16,7 +16,7 @@ from edl_filter.navigation.increments import effective_samples
 from edl_filter.navigation.noise import sample_attitudes
 from edl_filter.pipeline.constraints import onboard_attitudes
 from edl_filter.pipeline.load import mer_setup
-from edl_filter.telemetry.comparison import compare
+from edl_filter.telemetry.calibration import compare
 from edl_filter.telemetry.increment_clock import INCREMENT
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.mer_flight import mer_telemetry

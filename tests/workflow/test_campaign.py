@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from edl_filter.errors import InputError
-from edl_filter.workflow.campaign_block import run_block
 from edl_filter.workflow.campaign_files import CampaignJob, claim_folder, ranges_text, read_failures, read_records
+from edl_filter.workflow.campaign_process import run_block
 
 
 def test_all_cases_are_run_once_and_a_second_run_has_nothing_to_do(faults):

@@ -18,8 +18,7 @@ from edl_filter.postflight.averages import Difference
 from edl_filter.postflight.derive import PostflightResult, derive
 from edl_filter.postflight.flight import postflight_inputs
 from edl_filter.postflight.inputs import PostflightInputs
-from edl_filter.telemetry.calibration import MisalignmentEstimate
-from edl_filter.telemetry.comparison import compare
+from edl_filter.telemetry.calibration import MisalignmentEstimate, compare
 from edl_filter.telemetry.mer_segments import to_body
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array, BoolArray

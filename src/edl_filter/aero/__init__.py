@@ -14,8 +14,7 @@ Conventions
     CA and CN act along −x and −z (CN > 0 for alpha > 0) and are total coefficients, in the plane of alpha.
     Cm is about the **nose** inside the database, nose-up positive; a negative slope is stable.
     The reference area is pi D²/4, the reference length D. Knudsen numbers are based on D.
-    A centre of mass is ``x_over_d`` behind the nose and ``z_over_d`` below the axis, both in D:
-    ``Cm_cm = Cm_nose + x_over_d CN + z_over_d CA``.
+    A centre of mass on the axis is ``x_over_d`` behind the nose, in D: ``Cm_cm = Cm_nose + x_over_d CN``.
     Outside a table its value at the edge is used, and the sample is flagged.
 
 Read in this order

@@ -207,15 +207,13 @@ class SphereCone:
         return -self._nose_depth() - cone - self.shoulder_radius * math.sin(self.cone_half_angle)
 
 
-def sphere_cone(name: str, table: Path | None = None) -> SphereCone:
+def sphere_cone(name: str) -> SphereCone:
     """Forebody of a vehicle by its name, such as ``"MER"``, in upper or lower case.
 
     Parameters
     ----------
     name : str
-        A vehicle in the table.
-    table : Path, optional
-        CSV with the columns ``vehicle, D_m, Rn_m, Rc_m, cone_half_angle_deg``; by default the package's.
+        A vehicle in the package's table.
 
     Returns
     -------
@@ -224,9 +222,9 @@ def sphere_cone(name: str, table: Path | None = None) -> SphereCone:
     Raises
     ------
     InputError
-        There is no such vehicle, or the table is invalid.
+        There is no such vehicle.
     """
-    bodies = _package_bodies() if table is None else _bodies(table)
+    bodies = _package_bodies()
     if name.casefold() not in bodies:
         raise InputError(
             f"no forebody named {name!r}; known are {', '.join(vehicle for vehicle, _ in bodies.values())}"
@@ -241,7 +239,7 @@ def _package_bodies() -> dict[str, tuple[str, SphereCone]]:
 
 
 def _bodies(table: Path) -> dict[str, tuple[str, SphereCone]]:
-    """Name in lower case → (name in the table, body)."""
+    """Name in lower case → (name in the table, body) of a CSV ``vehicle, D_m, Rn_m, Rc_m, cone_half_angle_deg``."""
     bodies = {}
     for row in read_records(table, _COLUMNS):
         try:

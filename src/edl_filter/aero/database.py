@@ -68,21 +68,19 @@ class Coefficients:
     three_sigma: ThreeSigma
     rarefied: BoolArray
 
-    def cm_at(self, x_over_d: ArrayLike, z_over_d: ArrayLike = 0.0) -> Array:
-        """Pitching moment about another point, ``Cm_nose + x CN + z CA``.
-
-        With a centre of mass below the axis the moment of the drag is nose-up.
+    def cm_at(self, x_over_d: ArrayLike) -> Array:
+        """Pitching moment about another point of the axis, ``Cm_nose + x CN``.
 
         Parameters
         ----------
-        x_over_d, z_over_d : (...) arrays
-            Distance of the point behind the nose and below the axis (+z), in diameters.
+        x_over_d : (...) array
+            Distance of the point behind the nose, in diameters.
 
         Returns
         -------
         (...) array
         """
-        return self.cm_nose + np.asarray(x_over_d, float) * self.cn + np.asarray(z_over_d, float) * self.ca
+        return self.cm_nose + np.asarray(x_over_d, float) * self.cn
 
 
 @dataclass(frozen=True, eq=False)

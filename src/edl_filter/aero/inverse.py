@@ -1,6 +1,6 @@
 """Inverse look-up: angle of attack from a normal-force or pitching-moment coefficient.
 
-Input: coefficients of a flight, Mach and Knudsen numbers. Output: an angle for each sample and the number of solutions.
+Input: coefficients of a flight, Mach and Knudsen numbers. Output: an angle for each sample and whether it is unique.
 Where the moment is not monotone in the angle, as in the bounded static instabilities, several angles give the same
 moment; where a coefficient exceeds the largest value of the table there is no solution.
 
@@ -49,13 +49,10 @@ class InverseResult:
         Signed angle, rad; NaN without a solution. Of several solutions, the one nearest to the hint, or to zero.
     status : (N,) array of int8
         Value of `Solutions`.
-    count : (N,) integer array
-        Number of solutions.
     """
 
     alpha: Array
     status: NDArray[np.int8]
-    count: NDArray[np.intp]
 
 
 def angle_from_cn(
@@ -66,7 +63,6 @@ def angle_from_cn(
     speed: ArrayLike | None = None,
     *,
     hint: ArrayLike | None = None,
-    signed: bool = True,
 ) -> InverseResult:
     """Angle of attack that gives a normal-force coefficient.
 
@@ -82,14 +78,12 @@ def angle_from_cn(
         Air-relative speed, m/s; needed if the database is indexed by speed.
     hint : (N,) array, optional
         rad; the reconstructed angle, to select one of several solutions.
-    signed : bool
-        Include negative angles (CN is odd in the angle); otherwise only angles ≥ 0.
 
     Returns
     -------
     InverseResult
     """
-    return _solve(database, (0.0, 1.0, 0.0), cn, mach, knudsen, speed, hint, signed)
+    return _solve(database, (0.0, 1.0, 0.0), cn, mach, knudsen, speed, hint)
 
 
 def angle_from_cm(
@@ -100,9 +94,7 @@ def angle_from_cm(
     speed: ArrayLike | None = None,
     *,
     x_over_d: float,
-    z_over_d: float = 0.0,
     hint: ArrayLike | None = None,
-    signed: bool = True,
 ) -> InverseResult:
     """Angle of attack that gives a pitching-moment coefficient about the centre of mass.
 
@@ -112,17 +104,16 @@ def angle_from_cm(
         Tables that are inverted.
     cm : (N,) array
         Total coefficient, or the signed component in one plane; in the yaw plane −Cn gives the angle towards +v.
-    mach, knudsen, speed, hint, signed
+    mach, knudsen, speed, hint
         As for `angle_from_cn`.
-    x_over_d, z_over_d : float
-        Centre of mass behind the nose and below the axis, in diameters; in the yaw plane the offset to the right
-        replaces the one below the axis.
+    x_over_d : float
+        Centre of mass behind the nose, in diameters.
 
     Returns
     -------
     InverseResult
     """
-    return _solve(database, (z_over_d, x_over_d, 1.0), cm, mach, knudsen, speed, hint, signed)
+    return _solve(database, (0.0, x_over_d, 1.0), cm, mach, knudsen, speed, hint)
 
 
 def _solve(
@@ -133,17 +124,16 @@ def _solve(
     knudsen: ArrayLike,
     speed: ArrayLike | None,
     hint: ArrayLike | None,
-    signed: bool,
 ) -> InverseResult:
-    """Angles at which the weighted sum of CA, CN and Cm_nose is the target."""
+    """Angles at which the weighted sum of CN and Cm_nose is the target."""
     inputs = (target, mach, knudsen, np.nan if speed is None else speed, 0.0 if hint is None else hint)
     target, mach, knudsen, speeds, hint = np.broadcast_arrays(*(np.atleast_1d(np.asarray(x, float)) for x in inputs))
     alpha, count = np.full(len(target), np.nan), np.zeros(len(target), np.intp)
     for start in range(0, len(target), _CHUNK):
         chunk = slice(start, start + _CHUNK)
         curves = _Curves(database.at(mach[chunk], knudsen[chunk], None if speed is None else speeds[chunk]), weights)
-        alpha[chunk], count[chunk] = _solve_chunk(curves, target[chunk], hint[chunk], signed)
-    return InverseResult(alpha, np.minimum(count, Solutions.SEVERAL).astype(np.int8), count)
+        alpha[chunk], count[chunk] = _solve_chunk(curves, target[chunk], hint[chunk])
+    return InverseResult(alpha, np.minimum(count, Solutions.SEVERAL).astype(np.int8))
 
 
 class Brackets(NamedTuple):
@@ -171,40 +161,36 @@ _NO_BRACKETS = Brackets(np.zeros(0, np.intp), *(np.zeros(0),) * 4)
 
 @dataclass(frozen=True, eq=False)
 class _Curves:
-    """One curve over the signed angle per sample, from a slice over angles ≥ 0: CN and Cm are odd, CA is even."""
+    """One curve over the signed angle per sample, from a slice over angles ≥ 0: CN and Cm are odd."""
 
     unsigned: Slice
     weights: Weights
 
     def at(self, alpha: Array) -> Array:
         """Values (N,), each curve at its own angle (N,), rad."""
-        ca, cn, cm = self.unsigned.evaluate(np.abs(alpha))
-        wa, wn, wm = self.weights
-        return wa * ca + np.sign(alpha) * (wn * cn + wm * cm)
+        _, cn, cm = self.unsigned.evaluate(np.abs(alpha))
+        _, wn, wm = self.weights
+        return np.sign(alpha) * (wn * cn + wm * cm)
 
     def take(self, index: NDArray[np.intp]) -> _Curves:
         """Curves of the samples at the indices (S,)."""
         return _Curves(self.unsigned.take(index), self.weights)
 
-    def grid(self, signed: bool) -> tuple[Array, Array]:
+    def grid(self) -> tuple[Array, Array]:
         """Angles (G,), rad, and values of the curves at them (N, G)."""
         nodes = self.unsigned.alpha_nodes
         steps = _STEPS[nodes[-1] > _STEPS]
         distinct = np.min(np.abs(steps[:, None] - nodes), axis=1) > 1e-6
         alpha = np.sort(np.concatenate([nodes, steps[distinct & (steps > nodes[0])]]))
-        wa, wn, wm = self.weights
-        odd = self.unsigned.rows(alpha, (0.0, wn, wm))
-        even = self.unsigned.rows(alpha, (wa, 0.0, 0.0)) if wa else 0.0
-        if not signed:
-            return alpha, odd + even
+        odd = self.unsigned.rows(alpha, self.weights)
         zero = int(alpha[0] == 0.0)
-        both_signs = np.concatenate([(even - odd)[:, : zero - 1 if zero else None : -1], odd + even], axis=1)
+        both_signs = np.concatenate([-odd[:, : zero - 1 if zero else None : -1], odd], axis=1)
         return np.concatenate([-alpha[: zero - 1 if zero else None : -1], alpha]), both_signs
 
 
-def _solve_chunk(curves: _Curves, target: Array, hint: Array, signed: bool) -> tuple[Array, NDArray[np.intp]]:
+def _solve_chunk(curves: _Curves, target: Array, hint: Array) -> tuple[Array, NDArray[np.intp]]:
     """Solution nearest to the hint (N,), rad, NaN if there is none, and number of solutions of each sample (N,)."""
-    grid, g = curves.grid(signed)
+    grid, g = curves.grid()
     g = g - target[:, None]
     above = g >= 0.0
     # A solution at the edge of the table must not depend on the rounding of a sum

@@ -13,7 +13,6 @@ from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate
 from edl_filter.diagnosis.linear_model.flight_case import DiscrepancyEstimate, FlightCase
 from edl_filter.diagnosis.residual_analysis.change_point import Onset, onsets
 from edl_filter.diagnosis.residual_analysis.database_update import estimate_database_update
-from edl_filter.diagnosis.residual_analysis.latent_force import LatentForce, estimate_latent_force
 from edl_filter.diagnosis.residual_analysis.nuisance_shifts import NuisanceShift, nuisance_shifts
 from edl_filter.diagnosis.residual_analysis.residual_map import (
     Cell,
@@ -22,7 +21,12 @@ from edl_filter.diagnosis.residual_analysis.residual_map import (
     residual_map,
     residual_series,
 )
-from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
+from edl_filter.diagnosis.residual_analysis.unexplained import (
+    LatentForce,
+    Remainder,
+    describe_remainder,
+    estimate_latent_force,
+)
 from edl_filter.diagnosis.selection.decision import (
     Entry,
     Verdict,

@@ -34,7 +34,7 @@ class LinearFit:
     data_share: Array
 
 
-def regress(y: Array, x: Array, sigma: Array, mean: Array | None = None) -> LinearFit:
+def regress(y: Array, x: Array, sigma: Array) -> LinearFit:
     """Fit coefficients to white rows.
 
     Parameters
@@ -44,14 +44,12 @@ def regress(y: Array, x: Array, sigma: Array, mean: Array | None = None) -> Line
     x : (R, k) array
         White regressors.
     sigma : (k,) array
-        Prior standard deviations.
-    mean : (k,) array, optional
-        Prior means; zero if not given.
+        Prior standard deviations; prior means are zero.
     """
-    return fit_normal_equations(x.T @ x, x.T @ y, sigma, mean)
+    return fit_normal_equations(x.T @ x, x.T @ y, sigma)
 
 
-def fit_normal_equations(information: Array, projection: Array, sigma: Array, mean: Array | None = None) -> LinearFit:
+def fit_normal_equations(information: Array, projection: Array, sigma: Array) -> LinearFit:
     """Fit coefficients from the normal equations.
 
     Parameters
@@ -60,15 +58,13 @@ def fit_normal_equations(information: Array, projection: Array, sigma: Array, me
         ``XᵀX``.
     projection : (k,) array
         ``Xᵀy``.
-    sigma, mean : (k,) arrays
+    sigma : (k,) array
         As in `regress`.
     """
     prior = 1.0 / sigma**2
-    shift = np.zeros_like(sigma) if mean is None else mean
-    target = projection + prior * shift
     covariance = np.asarray(np.linalg.inv(information + np.diag(prior)), float)
-    estimate = covariance @ target
-    gain = 0.5 * float(target @ estimate - prior @ shift**2)
+    estimate = covariance @ projection
+    gain = 0.5 * float(projection @ estimate)
     gain -= 0.5 * np.linalg.slogdet(np.eye(len(sigma)) + information * sigma**2)[1]
     return LinearFit(estimate, covariance, gain, 1.0 - np.diag(covariance) * prior)
 

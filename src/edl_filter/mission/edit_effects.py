@@ -1,4 +1,4 @@
-"""Missions with further effects: as a new mission file, and in memory.
+"""Missions with further effects: as the text of a mission file, and in memory.
 
 An effect that a file can name is written into the mission's text, so that the mission runs in any session. An effect
 whose class exists in this Python session only, such as a class of a notebook, is stored in the `Mission` object.
@@ -11,18 +11,16 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from edl_filter.effects.base import Effect, EffectInstance
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.registry import find_effect, nameable_in_mission, validated_effect
 from edl_filter.errors import InputError
-from edl_filter.mission.files import source_folder, write_mission
+from edl_filter.mission.files import source_folder
 from edl_filter.mission.mission import Mission
-from edl_filter.mission.shipped import BUILTIN
 from edl_filter.mission.yaml_edit import append_entry
-from edl_filter.mission.yaml_text import parse, set_key
+from edl_filter.mission.yaml_text import set_key
 
 #: An effect as an argument: name in the catalogue, object or class.
 EffectLike = str | Effect | type[Effect]
@@ -34,69 +32,6 @@ def without_code(mission: Mission) -> Mission:
     """The mission without the effects of Python files, whose code a check of its data must not run."""
     effects = tuple(entry for entry in mission.effects if entry.file is None)
     return mission if len(effects) == len(mission.effects) else mission.model_copy(update={"effects": effects})
-
-
-def add_effect(
-    mission: str,
-    name: str,
-    output: Path | None = None,
-    changes: Sequence[str] = (),
-    estimates: Mapping[str, float] | None = None,
-    imu: str | None = None,
-    file: str | None = None,
-) -> Path:
-    """Write a mission file with one more effect at the end of its ``effects:``.
-
-    Parameters
-    ----------
-    mission : str
-        Mission file, or ``builtin:NAME``.
-    name : str
-        Name of the effect.
-    output : Path, optional
-        File to write; by default ``NAME+EFFECT.yaml`` in the folder of the mission, or in the current folder for a
-        shipped mission. A file that exists is refused, unless it is the mission file itself.
-    changes : sequence of str
-        Starting values, ``PARAMETER=VALUE``; they take precedence over `estimates`.
-    estimates : mapping, optional
-        Parameter → starting value.
-    imu : str, optional
-        IMU that a sensor effect acts on.
-    file : str, optional
-        Python file with a user's effect, relative to the current folder.
-
-    Returns
-    -------
-    Path
-        The file that was written.
-
-    Raises
-    ------
-    InputError
-        The mission, effect or parameter does not exist; a value is out of bounds; `output` exists.
-    """
-    original = Mission.load(mission)
-    source = original.source
-    assert source is not None
-    folder = Path() if mission.startswith(BUILTIN) else source.parent
-    target = folder / f"{source.stem}+{name}.yaml" if output is None else output
-    in_place = output is not None and not mission.startswith(BUILTIN) and target.resolve() == source.resolve()
-    if target.exists() and not in_place:
-        hint = "name another with -o" + ("" if output is None else ", or the mission file itself to change it")
-        raise InputError(f"{target}: found a file; nothing is overwritten: {hint}.")
-    effect = find_effect(name, None if file is None else Path(file).expanduser())
-    values = dict(estimates or {}) | dict(_parse_parameter(change) for change in changes)
-    entry: dict[str, Any] = {"name": name}
-    if file is not None:
-        entry["file"] = os.path.relpath(Path(file).expanduser().resolve(), source.parent.resolve())
-    if imu is not None:
-        entry["imu"] = imu
-    # an unknown parameter is not removed, so that the mission's own check names it
-    entry["parameters"] = effect.completed(values) | values
-    text = append_effect(original.text, effect, entry, str(source))
-    # checked in the mission's folder, since the target's folder may not exist yet
-    Mission.from_text(text, str(target), source).active_effects()
-    return write_mission(original, text, target)
 
 
 def append_effect(text: str, effect: Effect, entry: dict[str, Any], label: str) -> str:
@@ -114,14 +49,6 @@ def append_effect(text: str, effect: Effect, entry: dict[str, Any], label: str) 
         Name of the file, in messages.
     """
     return append_entry(text, "effects", entry, _entry_lines(effect, entry), label)
-
-
-def _parse_parameter(change: str) -> tuple[str, float]:
-    name, equals, text = change.partition("=")
-    value = parse(text, f"--set {name}") if equals else None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not name.strip():
-        raise InputError(f"--set {change}: found no PARAMETER=NUMBER; expected for example k=0.05.")
-    return name.strip(), float(value)
 
 
 def _entry_lines(effect: Effect, entry: Mapping[str, Any]) -> list[str]:

@@ -243,8 +243,7 @@ def build_problem(
     stops = [initial.time, *(c.time for c in constraints), *(t for t in times if initial.time < t < last)]
     samples = samples.split(np.array(stops))
     samples = samples.part(samples.index(initial.time), len(samples.time))
-    changes = samples.time[np.flatnonzero(np.diff(samples.unit))]
-    epochs = merge(np.array([*stops, *changes, last]))
+    epochs = merge(np.array([*stops, *samples.unit_changes, last]))
     grid = np.arange(epochs[0], last, settings.longest_interval)
     regular = samples.time[np.maximum(samples.indices(grid) - 1, 0)]
     far = regular[np.min(np.abs(epochs - regular[:, None]), axis=1) > 0.25 * settings.longest_interval]

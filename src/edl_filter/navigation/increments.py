@@ -98,6 +98,11 @@ class Samples:
         """Samples ``(N,)`` of which a value was filled in."""
         return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)
 
+    @property
+    def unit_changes(self) -> Array:
+        """Times ``(K,)`` from which another instrument drives, s: ends of the last samples of the one before."""
+        return self.time[np.flatnonzero(np.diff(self.unit))]
+
     def index(self, time: float) -> int:
         """Number of samples whose interval ends by `time` (`SAME_TIME` allowed for rounding)."""
         return int(self.time.searchsorted(time + SAME_TIME))

@@ -119,8 +119,7 @@ class Screening:
         """Examine a reading and those that follow from the same driving instrument; arguments as of `is_outlier`."""
         first = self._samples.index(reading.time)
         samples = self._samples.part(first, len(self._samples.time))
-        changes = np.flatnonzero(np.diff(samples.unit))
-        end = samples.time[changes[0]] if len(changes) else np.inf
+        end = samples.unit_changes.min(initial=np.inf)
         readings = [reading, *(c for c in following if c.name == reading.name and c.time <= end)][:WINDOW]
         if len(readings) < LEAST_READINGS:
             return

@@ -149,9 +149,8 @@ def _evaluate(problem: Problem) -> tuple[float, bool] | None:
     constraints = tuple(c for c in problem.constraints if not (isinstance(c, Altimeter) and c.time in dropped))
     start = problem.initial.time
     needed = {start, float(problem.epochs[-1]), *(c.time for c in constraints)}
-    changes = problem.samples.time[np.flatnonzero(np.diff(problem.samples.unit))]
     regular = problem.epochs[np.searchsorted(problem.epochs, np.arange(start, problem.epochs[-1], LONGEST_INTERVAL))]
-    epochs = merge(np.concatenate((sorted(needed), changes, regular)))
+    epochs = merge(np.concatenate((sorted(needed), problem.samples.unit_changes, regular)))
     settings = replace(problem.settings, method="ekf", robust="none")
     short = replace(problem, constraints=constraints, epochs=epochs, settings=settings)
     try:

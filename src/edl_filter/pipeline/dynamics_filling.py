@@ -18,6 +18,7 @@ import numpy as np
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import FlightCondition
 from edl_filter.estimation.autoregression import Interpolation
+from edl_filter.estimation.series import runs
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.navigation.motion_model import Window
 from edl_filter.navigation.motion_smoother import Solution, predict_stretch
@@ -126,8 +127,8 @@ def _has_autoregression(finding: SampleFinding, telemetry: Telemetry) -> bool:
 def _largest_change(previous: ImuRecord, record: ImuRecord) -> float:
     """Largest change of the sum of the filled samples' values over a stretch and an axis, in sigmas of the sum."""
     largest = 0.0
-    filled = np.flatnonzero(record.filled)
-    for rows in np.split(filled, np.flatnonzero(np.diff(filled) > 1) + 1):
+    for start, end in runs(record.filled):
+        rows = np.arange(start, end)
         for values, sigmas in (("specific_force", "force_fill_sigma"), ("angular_rate", "rate_fill_sigma")):
             change = np.sum(getattr(record, values)[rows] - getattr(previous, values)[rows], axis=0)
             variance = np.sum(getattr(record, sigmas)[rows] ** 2, axis=0)

@@ -37,8 +37,12 @@ from edl_filter.pipeline.load import (
 from edl_filter.pipeline.redundancy import Checks, Run, arbitrated
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
-from edl_filter.telemetry.calibration import MisalignmentEstimate, bias_from_velocity_slope
-from edl_filter.telemetry.comparison import compare, record_at_centre_of_mass
+from edl_filter.telemetry.calibration import (
+    MisalignmentEstimate,
+    bias_from_velocity_slope,
+    compare,
+    record_at_centre_of_mass,
+)
 from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.telemetry.relative_calibration import RelativeCalibration, relative_calibration
 from edl_filter.telemetry.sample_repair import interpolated_stretches

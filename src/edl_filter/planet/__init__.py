@@ -5,7 +5,7 @@ areodetic coordinates, ground- and air-relative velocity, local axes, density, t
 gas, for arrays of positions (m, inertial or planet-fixed) and times (s since the epoch). Nothing depends on a vehicle.
 
 Read in this order: `gravity`, `ellipsoid` and `rotation` (the formulas), this file (`Planet`, which passes a planet's
-numbers to them), `species`, `gas`, `atmosphere`.
+numbers to them), `gas`, `atmosphere`.
 """
 
 from __future__ import annotations

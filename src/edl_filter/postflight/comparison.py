@@ -295,14 +295,14 @@ def _angle_from_cm(
     database: Database, cm: Array, mach: Array, knudsen: Array, speed: Array, x_over_d: Array, hint: Array
 ) -> InverseResult:
     """`angle_from_cm` with a centre of mass for each sample, ``(N,)`` as all arguments: it has few values."""
-    alpha, status, count = np.full(len(cm), np.nan), np.zeros(len(cm), np.int8), np.zeros(len(cm), np.intp)
+    alpha, status = np.full(len(cm), np.nan), np.zeros(len(cm), np.int8)
     for x in np.unique(x_over_d):
         part = x_over_d == x
         inverse = angle_from_cm(
             database, cm[part], mach[part], knudsen[part], speed[part], x_over_d=float(x), hint=hint[part]
         )
-        alpha[part], status[part], count[part] = inverse.alpha, inverse.status, inverse.count
-    return InverseResult(alpha, status, count)
+        alpha[part], status[part] = inverse.alpha, inverse.status
+    return InverseResult(alpha, status)
 
 
 def _combine(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from edl_filter.aero.database import Database
 from edl_filter.aero.regimes import BOUNDARY_MACH
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import runs
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.types import Array, BoolArray
 
@@ -278,12 +279,8 @@ def stated_windows(windows: Sequence[Window], domain: Domain) -> tuple[Window, .
 
 def _longest_run(mask: BoolArray) -> tuple[int, int] | None:
     """First and last index of the longest run of true values; None if there is none."""
-    edge = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    if not edge.size:
-        return None
-    starts, ends = edge[::2], edge[1::2] - 1
-    longest = int(np.argmax(ends - starts))
-    return int(starts[longest]), int(ends[longest])
+    start, end = max(runs(mask), key=lambda run: run[1] - run[0], default=(0, 0))
+    return (start, end - 1) if end else None
 
 
 def _envelope_peak(time: Array, alpha_total: Array, part: BoolArray) -> float | None:

@@ -79,7 +79,7 @@ def _innovation(name: str, group: Group) -> _Constraint:
     residual, sigma = np.atleast_2d(values["innovation"]), np.atleast_2d(values["innovation_sigma"])
     accepted = np.atleast_1d(values.get("accepted", np.ones(len(residual)))).astype(bool)
     components = [
-        _Component(n, _ratio(residual[:, i], sigma[:, i]), accepted)
+        _Component(n, in_sigmas(residual[:, i], sigma[:, i]), accepted)
         for i, n in enumerate(_component_names(group, residual.shape[1]))
     ]
     nis = float(np.sum(values["nis"])) if "nis" in values else np.nan
@@ -88,7 +88,7 @@ def _innovation(name: str, group: Group) -> _Constraint:
 
 def _left_out(name: str, group: Group) -> _Constraint:
     values = _numbers(group)
-    ratio = _ratio(np.atleast_1d(values["left_out"]), np.atleast_1d(values["left_out_sigma"]))
+    ratio = in_sigmas(np.atleast_1d(values["left_out"]), np.atleast_1d(values["left_out_sigma"]))
     names = _component_names(group, len(ratio))
     components = [_Component(n, ratio[i : i + 1], np.ones(1, bool)) for i, n in enumerate(names)]
     nis = float(group.attrs.get("left_out_nis", np.nan))
@@ -107,7 +107,8 @@ def _numbers(group: Group) -> Mapping[str, Array]:
     return {n: np.asarray(v.values, float) for n, v in group.variables.items() if v.values.dtype.kind in "fiub"}
 
 
-def _ratio(residual: Array, sigma: Array) -> Array:
+def in_sigmas(residual: Array, sigma: Array) -> Array:
+    """Residuals ``(...)`` over their sigmas; NaN where a sigma is zero or not finite."""
     valid = np.isfinite(sigma) & (sigma > 0.0)
     return np.divide(residual, sigma, out=np.full(residual.shape, np.nan), where=valid)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edl_filter.estimation.series import runs
 from edl_filter.report.decimate import envelope, reduced
 from edl_filter.report.description import (
     FEW_DECADES,
@@ -238,11 +239,8 @@ def band_trace(band: Band, bins: int = BINS) -> Trace:
 
 def _pieces(valid: BoolArray) -> list[NDArray[np.intp]]:
     """Indices of the runs of valid samples; all of them as one run if gaps are too many."""
-    index = np.flatnonzero(valid)
-    if not len(index):
-        return []
-    runs = [run for run in np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(run) > 1]
-    return [index] if len(runs) > _PIECES else runs
+    pieces = [np.arange(a, b) for a, b in runs(valid) if b - a > 1]
+    return [np.flatnonzero(valid)] if len(pieces) > _PIECES else pieces
 
 
 def _shares(heights: Sequence[float]) -> list[list[float]]:

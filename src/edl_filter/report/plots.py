@@ -101,11 +101,7 @@ class ResultPlots:
         near : bool
             Whether the axes have the extent of the estimate and the site only.
         """
-        panel = track.landing_ellipse(self._reader, near)
-        if ax is not None:
-            return draw_panel(panel, ax)
-        figure = Figure(f"{self._reader.title}: landing", ((panel,),), (5.7,), event_labels=True)
-        return _displayed(figure)[0]
+        return self._panel(track.landing_ellipse(self._reader, near), "landing", ax, inches=5.7)
 
     def constraints(self, ax: Axes | None = None) -> Axes:
         """Innovations of all constraints, in sigmas."""
@@ -178,10 +174,8 @@ class ResultPlots:
             raise InputError(f"plot: found no data for {name!r}; this flight has: {', '.join(names)}.")
         return FIGURES[name].describe(self._reader)
 
-    def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:
-        if ax is not None:
-            return draw_panel(panel, ax)
-        return _displayed(Figure(f"{self._reader.title}: {subject}", ((panel,),), (3.6,), event_labels=True))[0]
+    def _panel(self, panel: Panel, subject: str, ax: Axes | None, inches: float = 3.6) -> Axes:
+        return _drawn_panel(Figure(f"{self._reader.title}: {subject}", ((panel,),), (inches,), event_labels=True), ax)
 
     def _rows(self, name: str, ax: Axes | None) -> Axes:
         if ax is None:
@@ -213,8 +207,7 @@ class DiagnosisPlots:
 
     def ranking(self, ax: Axes | None = None) -> Axes:
         """Gain of every hypothesis (nats)."""
-        figure = diagnosis.ranking(self._content, self._diagnosis.title)
-        return _drawn(figure, None if ax is None else (ax,))[0]
+        return _drawn_panel(diagnosis.ranking(self._content, self._diagnosis.title), ax)
 
     def missing(self, axes: Sequence[Axes] | None = None) -> AxesArray:
         """Missing force (N) and moment (N m) against time with bands of two sigmas, ``(2,)``.
@@ -308,12 +301,10 @@ class DiagnosisPlots:
         figure = diagnosis.ledger_figure(
             errors, changes, self._diagnosis.noise_floor, minimum_rms, self._diagnosis.title
         )
-        return _drawn(figure, None if ax is None else (ax,))[0]
+        return _drawn_panel(figure, ax)
 
     def _panel(self, panel: Panel, subject: str, ax: Axes | None) -> Axes:
-        if ax is not None:
-            return draw_panel(panel, ax)
-        return _displayed(diagnosis.single_figure(panel, f"{self._diagnosis.title}: {subject}"))[0]
+        return _drawn_panel(diagnosis.single_figure(panel, f"{self._diagnosis.title}: {subject}"), ax)
 
 
 def _drawn(figure: Figure, axes: Sequence[Axes] | None) -> AxesArray:
@@ -327,6 +318,11 @@ def _drawn(figure: Figure, axes: Sequence[Axes] | None) -> AxesArray:
     for panel, ax in zip(panels, given, strict=True):
         draw_panel(panel, ax)
     return given
+
+
+def _drawn_panel(figure: Figure, ax: Axes | None) -> Axes:
+    """Axes of a figure of one panel, as `_drawn`."""
+    return _drawn(figure, None if ax is None else (ax,))[0]
 
 
 def _displayed(figure: Figure) -> AxesArray:

@@ -15,7 +15,7 @@ from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS
 from edl_filter.aero.increments import REGIMES, SYMBOLS, DatabaseUpdate, RegimeUpdate
 from edl_filter.aero.increments_file import FORMAT, FORMAT_VERSION, GROUP
 from edl_filter.io.atomic import replace_with
-from edl_filter.results.files import DATABASE_UPDATE, TABLES, UPDATE_TABLES
+from edl_filter.results.files import DATABASE_UPDATE, TABLES, UPDATE_FILES, UPDATE_TABLES
 from edl_filter.results.groups import Group, Groups
 from edl_filter.results.netcdf import write
 
@@ -88,7 +88,7 @@ def write_update(update: DatabaseUpdate | None, folder: Path) -> list[Path]:
     list of Path
         The files.
     """
-    for path in (folder / DATABASE_UPDATE, *(folder / TABLES / name for name in UPDATE_TABLES)):
+    for path in (folder / name for name in UPDATE_FILES):
         path.unlink(missing_ok=True)
     if update is None:
         return []

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -34,8 +35,14 @@ DIAGNOSIS_FIGURES = ("diagnosis_heatmap", "diagnosis_ranking", "diagnosis_databa
 #: Increments of the database that a diagnosis estimates, and their tables in ``tables/``: continuum, rarefied flow.
 DATABASE_UPDATE = "database_update.nc"
 UPDATE_TABLES = ("database_update.csv", "database_update_rarefied.csv")
+UPDATE_FILES = (DATABASE_UPDATE, *(f"{TABLES}/{name}" for name in UPDATE_TABLES))
 #: The mission as it was run, where ``--set`` changed it; the ledger of ``edl-filter improve``.
 AS_RUN, LEDGER = "mission_as_run.yaml", "ledger.jsonl"
+
+
+def figure_files(names: Iterable[str]) -> list[str]:
+    """Files of figures in all formats, from the folder of the result."""
+    return [f"{FIGURES}/{name}.{kind}" for name in names for kind in FIGURE_FORMATS]
 
 
 def result_file(path: str | Path) -> Path:

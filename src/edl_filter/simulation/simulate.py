@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from edl_filter import rotations
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.sensor_chain import effects_in, moved_position
@@ -15,8 +16,8 @@ from edl_filter.errors import InputError
 from edl_filter.mission.fields import DEG
 from edl_filter.pipeline.forward_model import changed_bodies, forward_model_of
 from edl_filter.pipeline.load import changed_position, read_atmosphere
+from edl_filter.planet import Planet, ellipsoid
 from edl_filter.simulation import chance
-from edl_filter.simulation.entry import attitude, inertial_state
 from edl_filter.simulation.flight import Flight, stated_state, true_course
 from edl_filter.simulation.motion import Course, Motion, fly
 from edl_filter.simulation.parachute import Parachute
@@ -145,6 +146,73 @@ def true_start(scenario: Scenario, forward_model: ForwardModel, random: np.rando
     )
     rates = np.array([e.spin_rpm * np.pi / 30.0, *(e.rate_sigma_deg_s * DEG * deviates[2:])])
     return np.concatenate((position, velocity, inertial_from_body, rates))
+
+
+def inertial_state(
+    planet: Planet,
+    radius: float,
+    latitude: float,
+    longitude: float,
+    speed: float,
+    flight_path_angle: float,
+    azimuth: float,
+) -> tuple[Array, Array]:
+    """Inertial position and velocity at time 0.
+
+    Parameters
+    ----------
+    planet : Planet
+        Rotation at time 0.
+    radius : float
+        From the planet's centre, m.
+    latitude, longitude : float
+        Areocentric, rad, planet-fixed.
+    speed : float
+        Inertial, m/s.
+    flight_path_angle : float
+        Of the inertial velocity above the local horizontal (of the sphere), rad: negative downwards.
+    azimuth : float
+        Of the inertial velocity from north towards east, rad.
+
+    Returns
+    -------
+    position, velocity : (3,) arrays
+        m and m/s.
+    """
+    fixed = ellipsoid.fixed_from_areocentric(latitude, longitude, radius)
+    enu = ellipsoid.enu_from_fixed(latitude, longitude + float(planet.rotation.angle(0.0)))
+    level = np.cos(flight_path_angle)
+    local = speed * np.array([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(flight_path_angle)])
+    return planet.rotation.to_inertial(0.0, fixed), local @ enu
+
+
+def attitude(air_velocity: Array, position: Array, alpha: float, beta: float, bank: float) -> Array:
+    """Attitude from the angles of the air-relative velocity and a bank angle.
+
+    Parameters
+    ----------
+    air_velocity, position : (3,) arrays
+        Inertial components, m/s and m.
+    alpha, beta : float
+        ``alpha = atan2(w, u)``, ``beta = asin(v / V)``, rad.
+    bank : float
+        Rotation about the velocity, rad: at zero, with both angles zero, body z is in the vertical plane, downwards.
+
+    Returns
+    -------
+    (4,) array
+        ``inertial_from_body``, scalar last and not negative: without a rule rounding, which differs between processors,
+        would choose between the two signs of the same attitude.
+    """
+    forward = air_velocity / np.linalg.norm(air_velocity)
+    right = rotations.cross(-position, forward)
+    right /= np.linalg.norm(right)
+    wind = rotations.from_matrix(np.column_stack((forward, right, rotations.cross(forward, right))))
+    turns = [rotations.from_rotation_vector(v) for v in ([bank, 0.0, 0.0], [0.0, 0.0, -beta], [0.0, alpha, 0.0])]
+    out = wind
+    for turn in turns:
+        out = rotations.multiply(out, turn)
+    return rotations.normalise(-out if out[3] < 0.0 else out)
 
 
 def _check_imus(effects: Sequence[EffectInstance], scenario: Scenario) -> None:

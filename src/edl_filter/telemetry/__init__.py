@@ -18,7 +18,7 @@ Read in this order:
    comparison of two. `rest_drift`: a force at rest that is not constant. `partial_readings`: a triad of which one
    axis is lost.
    `sample_filling`, `sample_repair`: samples are filled.
-5. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `comparison`,
-   `relative_calibration`: lever-arm correction, bias, misalignment, scale and clock of one IMU relative to another.
+5. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `relative_calibration`:
+   lever-arm correction, bias, misalignment, scale and clock of one IMU relative to another.
 6. `clock`: spacecraft clock to UTC.
 """

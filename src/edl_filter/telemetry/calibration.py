@@ -2,6 +2,7 @@
 
 Input: IMU records or arrays of specific force, rate and angular acceleration. Output: specific force at the centre of
 mass (lever-arm correction, eq. 3.3), accelerometer bias before entry, misalignment of one IMU relative to another.
+`compare` does both for two records, as the thesis compares rover and backshell.
 """
 
 from collections.abc import Sequence
@@ -13,10 +14,14 @@ from numpy.typing import ArrayLike
 from edl_filter.errors import InputError
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_at
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, sample_edges, within_window
+from edl_filter.telemetry.smoothing import batch_polynomial, differentiated_rates
 from edl_filter.types import Array
 
 THESIS_WINDOWS = ((0.0, 10.0), (140.0, 250.0))
 """Windows of the misalignment fit, s from entry interface: without load, and after peak load."""
+
+#: Points of the second-order batch polynomial, as in the thesis at 8 Hz.
+BATCH = 7
 
 
 @dataclass(frozen=True)
@@ -229,6 +234,45 @@ def misalignment(
     all_forces = [np.concatenate(parts) for parts in zip(*forces, strict=True)]
     start, end = min(w[0] for w in windows), max(w[1] for w in windows)
     return MisalignmentEstimate(fits, _fit(start, end, *all_forces))
+
+
+def compare(
+    reference: ImuRecord, checked: ImuRecord, until: float, windows: Sequence[tuple[float, float]] = THESIS_WINDOWS
+) -> MisalignmentEstimate | None:
+    """Misalignment and bias difference of `checked` relative to `reference`, both at the centre of mass.
+
+    Parameters
+    ----------
+    reference, checked : ImuRecord
+        In the thesis: backshell and rover.
+    until : float
+        Latest end of the last window, s since the epoch: parachute deployment.
+    windows : sequence of (start, end)
+        s since the epoch. Windows that one of the records does not cover are omitted.
+
+    Returns
+    -------
+    MisalignmentEstimate or None
+        None if no window is covered.
+    """
+    first = max(reference.start, checked.start)
+    last = min(reference.time[-1], checked.time[-1], until)
+    covered = [(a, min(b, last)) for a, b in windows if a >= first - SAME_TIME and min(b, last) - a > 5.0]
+    if not covered:
+        return None
+    return misalignment(
+        record_at_centre_of_mass(reference.between(first, last)),
+        record_at_centre_of_mass(checked.between(first, last)),
+        covered,
+    )
+
+
+def record_at_centre_of_mass(record: ImuRecord) -> ImuRecord:
+    """Transfer a record to the centre of mass (thesis eq. 3.3), with smoothed rates and accelerations from them."""
+    middle = record.time - 0.5 * record.interval
+    rate = batch_polynomial(middle, record.angular_rate, BATCH)
+    acceleration = differentiated_rates(middle, rate, lambda t, v: batch_polynomial(t, v, BATCH))
+    return at_centre_of_mass(record, np.asarray(acceleration))
 
 
 def _fit(start: float, end: float, reference: Array, checked: Array) -> Misalignment:

@@ -19,11 +19,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, uniform_filter1d
 from scipy.special import chdtri
 
+from edl_filter.estimation.series import runs
 from edl_filter.telemetry.parity import Pair, Parity, pair_of, parity_of
 from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
 from edl_filter.telemetry.resampling import comparable_records, covered, means_between
-from edl_filter.telemetry.sample_checks import interpolation_error, runs
+from edl_filter.telemetry.sample_checks import interpolation_error
 from edl_filter.types import Array, BoolArray
 
 #: Length of the running median of the squared parity, s: several oscillations of an entry vehicle. Shorter faults are

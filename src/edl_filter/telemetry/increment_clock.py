@@ -32,7 +32,7 @@ _SCATTER_REACH = 40
 _LARGEST_SCATTER, _LARGEST_DISTANCE = 0.1, 0.25
 
 
-def excess_increments(values: Array, interval: Array, increment: float = INCREMENT) -> Array:
+def excess_increments(values: Array, interval: Array) -> Array:
     """Number of increments by which a sample exceeds the interpolation between its neighbours.
 
     The sums over equal intervals change smoothly; a sample of n + 1 instead of n increments is larger by the factor
@@ -44,8 +44,6 @@ def excess_increments(values: Array, interval: Array, increment: float = INCREME
         Sums over the samples (angle, rad, or velocity, m/s); NaN where missing.
     interval : (N,) array
         Nominal lengths of the samples, s; samples next to a change of length are not tested.
-    increment : float
-        Length of an increment, s.
 
     Returns
     -------
@@ -62,7 +60,7 @@ def excess_increments(values: Array, interval: Array, increment: float = INCREME
         for offset in (-k, k):
             shifted = slice(_REACH + offset, len(values) - _REACH + offset)
             interpolated += weight * values[shifted]
-            equal &= np.abs(interval[shifted] - interval[middle]) < 0.5 * increment
+            equal &= np.abs(interval[shifted] - interval[middle]) < 0.5 * INCREMENT
     square = np.sum(interpolated**2, axis=1)
     ratio = np.divide(
         np.sum((values[middle] - interpolated) * interpolated, axis=1),
@@ -70,11 +68,11 @@ def excess_increments(values: Array, interval: Array, increment: float = INCREME
         out=np.full(len(square), np.nan),
         where=equal & (square > 0.0),
     )
-    excess[middle] = ratio * interval[middle] / increment
+    excess[middle] = ratio * interval[middle] / INCREMENT
     return excess
 
 
-def extra_increments(interval: Array, *channels: Array, increment: float = INCREMENT) -> tuple[IntArray, IntArray]:
+def extra_increments(interval: Array, *channels: Array) -> tuple[IntArray, IntArray]:
     """Find the samples that have one increment more or less than nominal.
 
     Every channel must have an excess of the same whole number, ±1, while the scatter of the samples around is at most a
@@ -87,8 +85,6 @@ def extra_increments(interval: Array, *channels: Array, increment: float = INCRE
         Nominal lengths of the samples, s.
     *channels : (N, 3) arrays
         Sums over the samples; NaN where missing.
-    increment : float
-        Length of an increment, s.
 
     Returns
     -------
@@ -97,7 +93,7 @@ def extra_increments(interval: Array, *channels: Array, increment: float = INCRE
     extra : (K,) integer array
         +1 or -1.
     """
-    excesses = [excess_increments(values, interval, increment) for values in channels]
+    excesses = [excess_increments(values, interval) for values in channels]
     number = np.sign(excesses[0])
     candidate = np.ones(len(interval), bool)
     for excess in excesses:
@@ -105,18 +101,18 @@ def extra_increments(interval: Array, *channels: Array, increment: float = INCRE
     index = [
         i
         for i in np.flatnonzero(candidate)
-        if all(_is_corrected(values, interval, int(i), float(number[i]), increment) for values in channels)
+        if all(_is_corrected(values, interval, int(i), float(number[i])) for values in channels)
     ]
     return np.array(index, np.int64), number[index].astype(np.int64)
 
 
-def _is_corrected(values: Array, interval: Array, i: int, number: float, increment: float) -> bool:
+def _is_corrected(values: Array, interval: Array, i: int, number: float) -> bool:
     """Whether another count of increments in sample `i` removes the excess of it and of its neighbours."""
     around = slice(max(0, i - _SCATTER_REACH), i + _SCATTER_REACH + 1)
     near = i - around.start
     corrected = values[around].copy()
-    corrected[near] /= 1.0 + number * increment / interval[i]
-    excess = np.abs(excess_increments(corrected, interval[around], increment))
+    corrected[near] /= 1.0 + number * INCREMENT / interval[i]
+    excess = np.abs(excess_increments(corrected, interval[around]))
     if not np.isfinite(excess[near]):
         return False
     scatter = 1.4826 * float(np.nanmedian(excess))
@@ -134,16 +130,13 @@ class IncrementClock:
         Clock counts of the samples with another number of increments, s, increasing.
     extra : int
         +1 if the IMU is fast (one increment more), -1 if it is slow.
-    increment : float
-        Length of an increment, s.
     """
 
     slips: Array
     extra: int = 1
-    increment: float = INCREMENT
 
     @classmethod
-    def from_slips(cls, slips: Array, extra: IntArray, name: str, increment: float = INCREMENT) -> IncrementClock:
+    def from_slips(cls, slips: Array, extra: IntArray, name: str) -> IncrementClock:
         """Clock of an IMU.
 
         Parameters
@@ -154,8 +147,6 @@ class IncrementClock:
             Their additional increments, +1 or -1.
         name : str
             Of the IMU, for messages.
-        increment : float
-            Length of an increment, s.
 
         Raises
         ------
@@ -167,7 +158,7 @@ class IncrementClock:
                 f"telemetry: the {name}'s IMU has samples with one increment more and with one less "
                 f"(SCLK {', '.join(f'{t:.3f}' for t in np.sort(slips))}); a clock of constant rate has one kind only."
             )
-        return cls(np.sort(np.asarray(slips, float)), int(extra[0]) if len(slips) else 1, increment)
+        return cls(np.sort(np.asarray(slips, float)), int(extra[0]) if len(slips) else 1)
 
     def _periods(self) -> Array:
         """Number of periods between one sample of `slips` and the next, whole numbers (S - 1,)."""
@@ -179,7 +170,7 @@ class IncrementClock:
         """Relative rate of the IMU's oscillator against the computer's clock; 0 with fewer than two samples."""
         if len(self.slips) < 2:
             return 0.0
-        return float(self.extra * self.increment * self._periods().sum() / (self.slips[-1] - self.slips[0]))
+        return float(self.extra * INCREMENT * self._periods().sum() / (self.slips[-1] - self.slips[0]))
 
     def lag(self, sclk: Array) -> Array:
         """Time from the end of the last increment to the computer's reading, s.
@@ -202,13 +193,13 @@ class IncrementClock:
             return np.zeros_like(sclk)
         if len(self.slips) == 1:
             fast = sclk < self.slips[0]
-            return np.where(fast if self.extra > 0 else ~fast, self.increment, 0.0)
+            return np.where(fast if self.extra > 0 else ~fast, INCREMENT, 0.0)
         steps, periods = np.diff(self.slips), self._periods()
         piece = np.clip(np.searchsorted(self.slips, sclk, side="right") - 1, 0, len(steps) - 1)
         phase = (sclk - self.slips[piece]) * periods[piece] / steps[piece]
         phase = np.round(phase, 9)  # a reading at a slip is after it, whatever the rounding of the clock count
         fraction = phase - np.floor(phase)
-        return self.increment * (fraction if self.extra > 0 else 1.0 - fraction)
+        return INCREMENT * (fraction if self.extra > 0 else 1.0 - fraction)
 
     def time(self, sclk: Array) -> Array:
         """Ends of the increments that were read, s of the computer's clock.

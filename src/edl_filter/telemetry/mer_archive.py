@@ -18,7 +18,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
-from edl_filter.telemetry.increment_clock import IncrementClock, extra_increments
+from edl_filter.telemetry.increment_clock import INCREMENT, IncrementClock, extra_increments
 from edl_filter.telemetry.mer_cleaning import (
     backshell_copies,
     blank_quaternions,
@@ -247,7 +247,7 @@ def _increment_clock(transformed: Transformed, highrate: HighRate, unit: str, no
     slips = np.concatenate((transformed.sclk[rows][1:][earlier], highrate.sclk[index]))
     clock = IncrementClock.from_slips(slips, np.concatenate((earlier_extra, extra)), unit)
     if len(slips):
-        count = round(SAMPLE_INTERVAL / clock.increment) + clock.extra
+        count = round(SAMPLE_INTERVAL / INCREMENT) + clock.extra
         rate = f", so that its oscillator is {1e6 * clock.rate_error:+.1f} ppm off" if len(slips) > 1 else ""
         notes.append(
             f"{unit} IMU: {len(slips)} sample{'s' * (len(slips) != 1)} of {count} increments (SCLK "

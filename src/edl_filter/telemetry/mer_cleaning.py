@@ -17,6 +17,8 @@ Gap = tuple[float, float]
 CLIPPED = -512.0
 #: One sigma of a component rounded to six decimals.
 ROUNDING = 1e-6 / np.sqrt(12.0)
+#: Least length of a run of rows at the end of a table.
+_SHORTEST_RUN = 8
 
 
 def select_fullest_rows(time: Array, values: Array) -> BoolArray:
@@ -95,7 +97,7 @@ def with_nan(values: Array, missing: BoolArray) -> Array:
     return np.where(missing[:, None], np.nan, values)
 
 
-def trailing_run(flag: BoolArray, shortest: int = 8) -> int:
+def trailing_run(flag: BoolArray) -> int:
     """Find the run of true values that ends an array.
 
     A single equal or zero row before the switch-off is a coincidence or a lost row; a run to the table's end is not.
@@ -104,17 +106,15 @@ def trailing_run(flag: BoolArray, shortest: int = 8) -> int:
     ----------
     flag : (N,) boolean array
         Condition of each row.
-    shortest : int
-        Least length of a run.
 
     Returns
     -------
     int
-        Index of the first element of the run; N if the run is shorter than `shortest`.
+        Index of the first element of the run; N if the run has fewer than `_SHORTEST_RUN` elements.
     """
     false = np.flatnonzero(~flag)
     start = int(false[-1]) + 1 if len(false) else 0
-    return start if len(flag) - start >= shortest else len(flag)
+    return start if len(flag) - start >= _SHORTEST_RUN else len(flag)
 
 
 def backshell_copies(rover: Array, backshell: Array) -> BoolArray:

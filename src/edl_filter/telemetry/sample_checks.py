@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import pdtrc
 
+from edl_filter.estimation.series import runs
 from edl_filter.telemetry.record import SampleFinding, finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -71,12 +72,6 @@ class CheckSettings:
 def highest_readings(interval: float) -> tuple[float, float]:
     """Largest specific force (m/s²) and rate (rad/s) that a sample of this `interval` (s) can have."""
     return _HIGHEST_FORCE, min(_HIGHEST_RATE, MAX_ROTATION / interval)
-
-
-def runs(selected: BoolArray) -> list[tuple[int, int]]:
-    """First index and end (exclusive) of every run of true values of `selected` (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], selected.astype(np.int8), [0]))))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def findings_of(

@@ -9,6 +9,6 @@ Read in this order: `add_effect` writes a mission with one effect more, `validat
 folder, `diagnose_result` diagnoses a result, `improve_model` repeats diagnosis and refit and keeps a ledger, with
 `improvement_state` an interrupted improvement is resumed, `compare_results` tabulates results of one flight,
 `draw_figures` draws the figures of a result. A campaign has `campaign_files` (its folder), `campaign_case` (one case),
-`campaign_process` and `campaign_block` (cases in processes of their own, on dask workers), `campaign` (distribution)
-and `campaign_report` (store, statistics, figures).
+`campaign_process` (cases in processes of their own, on dask workers), `campaign` (distribution) and `campaign_report`
+(store, statistics, figures).
 """

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from edl_filter.effects.base import EffectKey, label_of
+from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
-from edl_filter.mission import edit_effects
+from edl_filter.mission import Mission
+from edl_filter.mission.edit_effects import append_effect
+from edl_filter.mission.files import write_mission
+from edl_filter.mission.shipped import BUILTIN
+from edl_filter.mission.yaml_text import parse
 
 
 def add_effect(
@@ -19,22 +26,60 @@ def add_effect(
     imu: str | None = None,
     file: str | None = None,
 ) -> Path:
-    """Write a mission file with the effect `name` at the end of its ``effects:``; returns the file.
+    """Write a mission file with one more effect at the end of its ``effects:``.
 
     Parameters
     ----------
-    mission, name, output, changes, imu, file
-        As in `edl_filter.mission.edit_effects.add_effect`.
+    mission : str
+        Mission file, or ``builtin:NAME``.
+    name : str
+        Name of the effect.
+    output : Path, optional
+        File to write; by default ``NAME+EFFECT.yaml`` in the folder of the mission, or in the current folder for a
+        shipped mission. A file that exists is refused, unless it is the mission file itself.
+    changes : sequence of str
+        Starting values, ``PARAMETER=VALUE``; they take precedence over those of `result`.
     result : Path, optional
         Folder of a result, or its ``diagnosis.json``: starting values are its estimates.
+    imu : str, optional
+        IMU that a sensor effect acts on.
+    file : str, optional
+        Python file with a user's effect, relative to the current folder.
+
+    Returns
+    -------
+    Path
+        The file that was written.
 
     Raises
     ------
     InputError
-        As `edl_filter.mission.edit_effects.add_effect`; or there is no diagnosis, or no estimate of the effect in it.
+        The mission, effect or parameter does not exist; a value is out of bounds; `output` exists; there is no
+        diagnosis, or no estimate of the effect in it.
     """
     estimates = {} if result is None else estimates_of(result, (name, imu))
-    return edit_effects.add_effect(mission, name, output, changes, estimates, imu, file)
+    original = Mission.load(mission)
+    source = original.source
+    assert source is not None
+    folder = Path() if mission.startswith(BUILTIN) else source.parent
+    target = folder / f"{source.stem}+{name}.yaml" if output is None else output
+    in_place = output is not None and not mission.startswith(BUILTIN) and target.resolve() == source.resolve()
+    if target.exists() and not in_place:
+        hint = "name another with -o" + ("" if output is None else ", or the mission file itself to change it")
+        raise InputError(f"{target}: found a file; nothing is overwritten: {hint}.")
+    effect = find_effect(name, None if file is None else Path(file).expanduser())
+    values = estimates | dict(_parse_parameter(change) for change in changes)
+    entry: dict[str, Any] = {"name": name}
+    if file is not None:
+        entry["file"] = os.path.relpath(Path(file).expanduser().resolve(), source.parent.resolve())
+    if imu is not None:
+        entry["imu"] = imu
+    # an unknown parameter is not removed, so that the mission's own check names it
+    entry["parameters"] = effect.completed(values) | values
+    text = append_effect(original.text, effect, entry, str(source))
+    # checked in the mission's folder, since the target's folder may not exist yet
+    Mission.from_text(text, str(target), source).active_effects()
+    return write_mission(original, text, target)
 
 
 def estimates_of(result: Path, key: EffectKey) -> dict[str, float]:
@@ -63,3 +108,11 @@ def estimates_of(result: Path, key: EffectKey) -> dict[str, float]:
         raise InputError(f"{path}: found no estimate of {label_of(key)}; it has estimates of {names}.")
     estimates = {p: e.estimate for p, e in hypothesis.parameters.items()}
     return {p: float(f"{x:.8g}") for p, x in estimates.items() if x is not None}
+
+
+def _parse_parameter(change: str) -> tuple[str, float]:
+    name, equals, text = change.partition("=")
+    value = parse(text, f"--set {name}") if equals else None
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not name.strip():
+        raise InputError(f"--set {change}: found no PARAMETER=NUMBER; expected for example k=0.05.")
+    return name.strip(), float(value)

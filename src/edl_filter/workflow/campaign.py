@@ -20,7 +20,6 @@ from typing import Any
 from edl_filter.errors import InputError
 from edl_filter.estimation.parallel import processors
 from edl_filter.simulation.campaign_config import Campaign
-from edl_filter.workflow.campaign_block import close_processes, run_block
 from edl_filter.workflow.campaign_files import (
     FAILURES,
     CampaignJob,
@@ -29,6 +28,7 @@ from edl_filter.workflow.campaign_files import (
     ranges_text,
     read_progress,
 )
+from edl_filter.workflow.campaign_process import close_processes, run_block
 
 #: Most cases in a block; and the share of the cases that are left, per thread, which a block may have: blocks become
 #: smaller towards the end, so that all threads end at about the same time (guided self-scheduling).

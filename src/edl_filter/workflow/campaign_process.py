@@ -4,6 +4,8 @@ A case may hang in compiled code that no exception interrupts, or end its proces
 numbers of cases from standard input, one JSON line each, and answers each number with one line on standard output. The
 operating system's timer ends it at a case's limit, also where its parent is gone; without a parent its input ends, and
 so does it. BLAS and numba have one thread (`environment`).
+
+`run_block` is the task of a dask worker: a block of cases. Each thread of the worker has one process for cases.
 """
 
 from __future__ import annotations
@@ -15,16 +17,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from edl_filter._version import __version__
 from edl_filter.errors import InputError
 from edl_filter.simulation.campaign_config import Campaign
-from edl_filter.workflow.campaign_files import CampaignJob, write_failure, write_record
+from edl_filter.workflow.campaign_files import CASES, FAILURES, CampaignJob, case_path, write_failure, write_record
 
 #: Time after the limit at which the parent ends a process that the timer did not end, s.
 _GRACE_S = 5.0
@@ -142,6 +146,71 @@ class CaseProcess:
         self._errors.seek(0)
         text = self._errors.read()[-2000:].decode(errors="replace").strip()
         return f": {text.splitlines()[-1]}" if text else ""
+
+
+#: Process of each thread of this one; `_lock` guards the mapping.
+_processes: dict[int, CaseProcess] = {}
+_lock = threading.Lock()
+
+
+def run_block(job: CampaignJob, numbers: Sequence[int]) -> dict[str, Any]:
+    """Run cases one after the other, except those that are complete.
+
+    Parameters
+    ----------
+    job : CampaignJob
+        The job.
+    numbers : sequence of int
+        Of the cases.
+
+    Returns
+    -------
+    dict
+        ``done`` and ``failed``: numbers of cases; ``not_written``: why a case could not be written, after which no
+        further one is run, or None.
+    """
+    outcome: dict[str, Any] = {"done": 0, "failed": 0, "not_written": None}
+    if job.version != __version__:
+        outcome["not_written"] = f"a worker has edl-filter {__version__}, the campaign {job.version}"
+        return outcome
+    folder = Path(job.folder)
+    for number in numbers:
+        if case_path(folder, CASES, number).is_file():
+            outcome["done"] += 1
+            continue
+        if case_path(folder, FAILURES, number).is_file():
+            outcome["failed"] += 1
+            continue
+        answer = _process(job).run(number)
+        if answer["outcome"] == "not written":
+            outcome["not_written"] = answer["reason"]
+            break
+        outcome[answer["outcome"]] += 1
+    return outcome
+
+
+def close_processes() -> None:
+    """End the processes for cases of all threads."""
+    with _lock:
+        processes = list(_processes.values())
+        _processes.clear()
+    for process in processes:
+        process.close()
+
+
+def _process(job: CampaignJob) -> CaseProcess:
+    """The process of this thread for a job; that of an earlier job is ended."""
+    identity = threading.get_ident()
+    with _lock:
+        process = _processes.get(identity)
+    if process is not None and process.job == job:
+        return process
+    if process is not None:
+        process.close()
+    process = CaseProcess(job)
+    with _lock:
+        _processes[identity] = process
+    return process
 
 
 def serve(runner_of: Callable[[Campaign], Any] | None = None) -> None:

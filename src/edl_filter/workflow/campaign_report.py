@@ -50,15 +50,13 @@ def gather(folder: Path) -> Progress:
     return progress
 
 
-def report_campaign(folder: Path, formats: tuple[str, ...] = ("png",)) -> dict[str, Any]:
+def report_campaign(folder: Path) -> dict[str, Any]:
     """Write ``statistics.json`` and figures of a campaign from its store, which is written first.
 
     Parameters
     ----------
     folder : Path
         Of the campaign.
-    formats : tuple of str
-        Formats of the figures.
 
     Returns
     -------
@@ -80,6 +78,5 @@ def report_campaign(folder: Path, formats: tuple[str, ...] = ("png",)) -> dict[s
     content = statistics(data)
     paths = [folder / STORE, write_json(content, folder / STATISTICS)]
     for name, figure in campaign_figures(data, content, str(data.attrs["title"])).items():
-        canvas = draw(figure)
-        paths += [write_canvas(canvas, folder / FIGURES / f"{name}.{kind}") for kind in formats]
+        paths.append(write_canvas(draw(figure), folder / FIGURES / f"{name}.png"))
     return {"statistics": content, "failures": read_failures(folder), "paths": paths}

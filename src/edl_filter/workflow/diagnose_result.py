@@ -20,15 +20,13 @@ from edl_filter.mission.mission import require_prediction_inputs
 from edl_filter.results.database_update import write_update
 from edl_filter.results.files import (
     AS_RUN,
-    DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
-    FIGURE_FORMATS,
     FIGURES,
     REPORT,
     RESIDUALS,
-    TABLES,
-    UPDATE_TABLES,
+    UPDATE_FILES,
+    figure_files,
     read_summary,
     write_json,
 )
@@ -186,6 +184,5 @@ def rms_by_channel(content: DiagnosisContent) -> dict[str, dict[str, float]]:
 
 def _removals(staged: Path) -> list[str]:
     """Files of an earlier diagnosis that a new one in `staged` does not replace."""
-    figures = (f"{FIGURES}/{name}.{kind}" for name in DIAGNOSIS_FIGURES for kind in FIGURE_FORMATS)
-    tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
-    return [name for name in (DATABASE_UPDATE, REPORT, *tables, *figures) if not (staged / name).is_file()]
+    names = (*UPDATE_FILES, REPORT, *figure_files(DIAGNOSIS_FIGURES))
+    return [name for name in names if not (staged / name).is_file()]

@@ -17,10 +17,8 @@ from edl_filter.report.html.bundle import bundle_at_hand
 from edl_filter.results.files import (
     AS_RUN,
     BUNDLE,
-    DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
-    FIGURE_FORMATS,
     FIGURES,
     POSTFLIGHT_TABLES,
     REPORT,
@@ -28,7 +26,8 @@ from edl_filter.results.files import (
     RESULT,
     SUMMARY,
     TABLES,
-    UPDATE_TABLES,
+    UPDATE_FILES,
+    figure_files,
 )
 from edl_filter.results.reopen import reopen
 from edl_filter.telemetry.fetch import find_mer_imu
@@ -99,12 +98,8 @@ def plan_run(
         if mission.aerodynamics is not None or not any(need.startswith("postflight/") for need in figure.needs)
     ]
     drawn = tuple(folder / FIGURES / f"{name}.{kind}" for name in names for kind in formats) if figures else ()
-    diagnosis = (
-        *(folder / name for name in (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE)),
-        *(folder / TABLES / name for name in UPDATE_TABLES),
-        *(folder / FIGURES / f"{n}.{kind}" for n in (*RUN_FIGURES, *DIAGNOSIS_FIGURES) for kind in FIGURE_FORMATS),
-    )
-    replaced = dict.fromkeys((*writes, *diagnosis))
+    earlier = (DIAGNOSIS, RESIDUALS, *UPDATE_FILES, *figure_files((*RUN_FIGURES, *DIAGNOSIS_FIGURES)))
+    replaced = dict.fromkeys((*writes, *(folder / name for name in earlier)))
     return FilePlan(tuple(_inputs(mission)), writes, drawn, tuple(path for path in replaced if path.is_file()))
 
 
@@ -135,8 +130,7 @@ def plan_diagnosis(result: Path, file: Path | None) -> FilePlan:
     )
     optional = (
         *(folder / FIGURES / f"{name}.png" for name in DIAGNOSIS_FIGURES[2:]),
-        folder / DATABASE_UPDATE,
-        *(folder / TABLES / name for name in UPDATE_TABLES),
+        *(folder / name for name in UPDATE_FILES),
         *(() if matches_file(mission) else (folder / AS_RUN,)),
     )
     return FilePlan(reads, writes, optional, tuple(path for path in (*writes, *optional) if path.is_file()))

@@ -14,17 +14,16 @@ from edl_filter.io.atomic import cannot_write
 from edl_filter.io.output_folder import STAGING, interrupted, output_folder, staged_output
 from edl_filter.mission import Mission
 from edl_filter.results.files import (
-    DATABASE_UPDATE,
     DIAGNOSIS,
     DIAGNOSIS_FIGURES,
-    FIGURE_FORMATS,
     FIGURES,
     REPORT,
     RESIDUALS,
     RESULT,
     SUMMARY,
     TABLES,
-    UPDATE_TABLES,
+    UPDATE_FILES,
+    figure_files,
     write_json,
 )
 from edl_filter.results.netcdf import write
@@ -289,7 +288,5 @@ def _removals(staged: Path) -> list[str]:
     """Files of an earlier result that a new one in `staged` makes invalid: those that are not replaced."""
     from edl_filter.report.figures import FIGURES as DRAWN
 
-    figures = (f"{FIGURES}/{name}.{kind}" for name in (*DRAWN, *DIAGNOSIS_FIGURES) for kind in FIGURE_FORMATS)
-    tables = (f"{TABLES}/{name}" for name in UPDATE_TABLES)
-    names = (DIAGNOSIS, RESIDUALS, DATABASE_UPDATE, REPORT, *tables, *figures)
+    names = (DIAGNOSIS, RESIDUALS, *UPDATE_FILES, REPORT, *figure_files((*DRAWN, *DIAGNOSIS_FIGURES)))
     return [name for name in names if not (staged / name).is_file()]

@@ -68,6 +68,14 @@ class EffectJacobian:
     initial_mean: Array
 
 
+def stacked(jacobians: Sequence[EffectJacobian]) -> tuple[Array, Array]:
+    """Columns of several Jacobians side by side: rows ``(R, k)``, and changes of the initial mean ``(n, k)``."""
+    return (
+        np.concatenate([j.rows for j in jacobians], axis=1),
+        np.concatenate([j.initial_mean for j in jacobians], axis=1),
+    )
+
+
 def scan_grid(
     effect: Effect,
     begin: float,

@@ -173,9 +173,7 @@ class FlightCase:
         return ModelInputs(problem, model, telemetry.driving, telemetry.checking)
 
 
-def load_case(
-    mission: Mission, effects: Sequence[EffectInstance] | None = None, leave_one_out: bool = False
-) -> FlightCase:
+def load_case(mission: Mission, effects: Sequence[EffectInstance] | None = None) -> FlightCase:
     """Reconstruct a mission and prepare it for diagnosis.
 
     A missing effect contradicts the measurements as a diverged state does. No noise is added for it here, which would
@@ -187,10 +185,8 @@ def load_case(
         The mission, checked.
     effects : sequence of EffectInstance, optional
         Instead of the mission's.
-    leave_one_out : bool
-        As in `reconstruct`; the diagnosis does not use it.
     """
-    return flight_case(reconstruct(mission, effects, leave_one_out, recover=False))
+    return flight_case(reconstruct(mission, effects, leave_one_out=False, recover=False))
 
 
 def flight_case(reconstruction: Reconstruction) -> FlightCase:

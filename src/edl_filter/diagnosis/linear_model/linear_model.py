@@ -47,7 +47,7 @@ from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter, whitening_filter
 from edl_filter.estimation.linear_state_space import LinearStateSpace
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.types import Array
+from edl_filter.types import Array, IntArray
 
 
 @dataclass(frozen=True)
@@ -328,3 +328,11 @@ class LinearizedModel:
 def perturbed(inputs: ModelInputs, point: LinearizationPoint) -> ModelInputs:
     """Inputs whose forward model has the perturbation of a point."""
     return replace(inputs, forward_model=replace(inputs.forward_model, perturbation=point.perturbation))
+
+
+def rows_by_constraint(model: LinearizedModel) -> dict[str, IntArray]:
+    """Constraint → rows ``(K,)`` of all its uses, in the order of the first uses."""
+    rows: dict[str, list[IntArray]] = {}
+    for constraint, part in zip(model.inputs.problem.constraints, model.index.constraint_rows, strict=True):
+        rows.setdefault(constraint.name, []).append(np.arange(part.start, part.stop))
+    return {name: np.concatenate(parts) for name, parts in rows.items()}

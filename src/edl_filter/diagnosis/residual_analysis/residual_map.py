@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import chdtri, ndtr
 
 from edl_filter.aero.regimes import BOUNDARY_MACH, DYNAMIC_INSTABILITY_MACH, FREE_MOLECULAR_KNUDSEN
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, rows_by_constraint
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.constraints import Constraint
@@ -60,10 +60,7 @@ def rms_by_channel(model: LinearizedModel, normalised: Array) -> dict[str, float
 
 def rms_by_constraint(model: LinearizedModel, normalised: Array) -> dict[str, float]:
     """Constraint → RMS over all its uses of normalised innovations ``(R,)``."""
-    values: dict[str, list[float]] = {}
-    for constraint, rows in zip(model.inputs.problem.constraints, model.index.constraint_rows, strict=True):
-        values.setdefault(constraint.name, []).extend(normalised[rows])
-    return {name: _rms(np.array(v)) for name, v in values.items()}
+    return {name: _rms(normalised[rows]) for name, rows in rows_by_constraint(model).items()}
 
 
 def model_rms(model: LinearizedModel) -> dict[str, float]:
@@ -205,16 +202,12 @@ def residual_map(model: LinearizedModel, normalised: Array | None = None) -> lis
                     sigma[rows] * scale, unit, limits[used, c] if c < 6 else None, settings,
                 )
             )  # fmt: skip
-    constraints = model.inputs.problem.constraints
-    by_name: dict[str, list[int]] = {}
-    for i, constraint in enumerate(constraints):
-        by_name.setdefault(constraint.name, []).append(i)
-    for name, which in by_name.items():
-        rows = np.concatenate([np.arange(index.constraint_rows[i].start, index.constraint_rows[i].stop) for i in which])
+    for name, rows in rows_by_constraint(model).items():
+        first = next(c for c in model.inputs.problem.constraints if c.name == name)
         cells.append(
             _cell(
                 name, CONSTRAINTS, (index.time[rows[0]], index.time[rows[-1]]), normalised[rows], sigma[rows],
-                _unit(constraints[which[0]]), None, settings,
+                _unit(first), None, settings,
             )
         )  # fmt: skip
     return cells

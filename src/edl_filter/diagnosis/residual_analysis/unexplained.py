@@ -1,4 +1,8 @@
-"""Unexplained remainder: when the largest unexplained channel fails, its frequency, and its correlations.
+"""Unexplained force and moment: against time, and when the largest channel fails, its frequency and correlations.
+
+Against time they are the smoothed Gauss–Markov process of `noise.unmodelled_acceleration`. The process is part of the
+state vector. The fixed-interval smoother gives its value in every bin, given all earlier and later residuals, with the
+nuisance parameters marginalised (`estimation.smoothing.smoothed_last_states`).
 
 Residuals of specific force and of the rate's steps are, apart from noise and the small navigation error, the missing
 force and moment themselves. The largest channel is described so that a person can name the cause and write the effect.
@@ -12,8 +16,12 @@ import numpy as np
 from scipy.signal import lombscargle
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, amplitude
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import LEAST_ROWS, normalised_innovations
+from edl_filter.estimation.kalman import whitening_filter
+from edl_filter.estimation.series import runs
+from edl_filter.estimation.smoothing import smoothed_last_states
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import AXES, Array, BoolArray, IntArray
 
@@ -24,6 +32,27 @@ _FREQUENCIES = 64
 _LEAST_BINS = 16
 #: Share of the interval of the largest channel in which another one that is listed with it fails.
 _COMMON_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class LatentForce:
+    """Unmodelled force and moment in body axes, and one sigma of them.
+
+    Attributes
+    ----------
+    time : (B,) array
+        Middles of the bins that are compared, s.
+    force, force_sigma : (B, 3) arrays
+        N.
+    moment, moment_sigma : (B, 3) arrays
+        About the centre of mass, N m.
+    """
+
+    time: Array
+    force: Array
+    force_sigma: Array
+    moment: Array
+    moment_sigma: Array
 
 
 @dataclass(frozen=True)
@@ -59,6 +88,29 @@ class Remainder:
     follows: dict[str, float]
     companions: tuple[str, ...]
     description: str
+
+
+def estimate_latent_force(model: LinearizedModel, unmodelled: UnmodelledAcceleration) -> LatentForce | None:
+    """Smoothed unmodelled force and moment with the most likely process; None where that is zero."""
+    if unmodelled.is_zero:
+        return None
+    whiten = whitening_filter(model.state_space_with_unmodelled(unmodelled))
+    mean, covariance = smoothed_last_states(whiten, model.white_residuals(whiten), model.initial_mean, 6)
+    used, step = model.index.step_of_bins(whiten.model.row_start)
+    scale = amplitude(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN][used, None]
+    time = model.bins.middle[used]
+    mass, inertia = np.empty((len(time), 1)), np.empty((len(time), 3, 3))
+    for part, body in model.inputs.forward_model.bodies(time):
+        mass[part], inertia[part] = body.mass, body.inertia
+    to_force, to_moment = unmodelled.force * mass * scale, unmodelled.moment * scale
+    moment_covariance = inertia @ covariance[step][:, 3:, 3:] @ inertia.transpose(0, 2, 1)
+    return LatentForce(
+        time=time,
+        force=to_force * mean[step, :3],
+        force_sigma=to_force * np.sqrt(np.einsum("bii->bi", covariance[step][:, :3, :3])),
+        moment=to_moment * np.einsum("bij,bj->bi", inertia, mean[step, 3:]),
+        moment_sigma=to_moment * np.sqrt(np.einsum("bii->bi", moment_covariance)),
+    )
 
 
 def missing_loads(model: LinearizedModel) -> Array:
@@ -129,16 +181,13 @@ def _failing_span(
         return None
     # a gap of one piece does not divide a span
     closed = fails | (np.roll(fails, 1) & np.roll(fails, -1))
-    starts = np.flatnonzero(closed & ~np.concatenate(([False], closed[:-1])))
-    stops = np.flatnonzero(closed & ~np.concatenate((closed[1:], [False])))
-    largest = int(np.argmax([np.sum(square[a : b + 1] * count[a : b + 1]) for a, b in zip(starts, stops, strict=True)]))
-    a, b = starts[largest], stops[largest]
-    if b == a:
+    a, b = max(runs(closed), key=lambda run: np.sum(square[slice(*run)] * count[slice(*run)]))
+    if b == a + 1:
         return None
-    inside = (piece >= a) & (piece <= b)
+    inside = (piece >= a) & (piece < b)
     return (
         float(edges[0] + a * length),
-        float(edges[0] + (b + 1) * length),
+        float(edges[0] + b * length),
         float(np.sqrt(np.mean(values[inside] ** 2))),
     )
 

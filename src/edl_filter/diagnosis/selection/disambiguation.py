@@ -16,8 +16,8 @@ import numpy as np
 
 from edl_filter.aero.discrepancy import ASYMMETRIES
 from edl_filter.diagnosis.jacobians.nuisance import CHECKING, FIELD_STATES
-from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
-from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, stacked
+from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, rows_by_constraint
 from edl_filter.effects.base import EffectInstance
 from edl_filter.estimation.kalman import Whitening, whitening_filter
 from edl_filter.estimation.linear_state_space import LinearStateSpace, with_known_states, with_less_noise
@@ -81,12 +81,11 @@ def best_discriminator(
     pair = (first,) if second is None else (first, second)
     jacobians = [effect_jacobian(model, a.at_zero()) for a in pair]
     sizes = [np.array([a.values[n] for n in j.names]) for a, j in zip(pair, jacobians, strict=True)]
-    rows = np.concatenate([j.rows for j in jacobians], axis=1)
-    initial_mean = np.concatenate([j.initial_mean for j in jacobians], axis=1)
+    columns = stacked(jacobians)
     width = len(sizes[0])
 
     def evidence(whiten: Whitening) -> float:
-        white = whiten(rows, initial_mean)
+        white = whiten(*columns)
         a, b = white[:, :width], white[:, width:]
         of_first = _distinct_evidence(a @ sizes[0], b)
         return of_first if second is None else min(of_first, _distinct_evidence(b @ sizes[1], a))
@@ -108,12 +107,9 @@ def candidate_measurements(
     candidates: list[tuple[str, Callable[[LinearStateSpace], LinearStateSpace]]] = [
         (f"knowing {what}", partial(with_known_states, states=states)) for what, states in known.items()
     ]
-    by_name: dict[str, list[IntArray]] = {}
-    for constraint, rows in zip(model.inputs.problem.constraints, model.index.constraint_rows, strict=True):
-        by_name.setdefault(constraint.name, []).append(np.arange(rows.start, rows.stop))
     factor = model.settings.constraint_improvement
-    for name, rows_of_uses in by_name.items():
-        improved = partial(with_less_noise, rows=np.concatenate(rows_of_uses), factor=factor)
+    for name, rows in rows_by_constraint(model).items():
+        improved = partial(with_less_noise, rows=rows, factor=factor)
         candidates.append((f"a constraint {name} {factor:.0f} times better", improved))
     return candidates
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, is_ordered, prior_sigma
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, is_ordered, prior_sigma, stacked
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.linear_model.linearization import at_map_point
 from edl_filter.diagnosis.linear_model.linearization_point import LinearizationPoint
@@ -411,5 +411,4 @@ def _white_columns(
     for effect, q in free:
         by_effect.setdefault(effect, []).append(q.name)
     parts = [effect_jacobian(model, effect_with_key(model.effects, e), names) for e, names in by_effect.items()]
-    rows = np.concatenate([j.rows for j in parts], axis=1)
-    return whiten(rows, np.concatenate([j.initial_mean for j in parts], axis=1))
+    return whiten(*stacked(parts))

@@ -21,6 +21,7 @@ from edl_filter.diagnosis.linear_model.effect_jacobian import (
     is_wavelength,
     scan_grid,
     scan_range,
+    stacked,
 )
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.residual_analysis.change_point import abrupt_changes
@@ -160,10 +161,9 @@ def screen(
     residuals = [model.white_residuals(whiten) for whiten in filters]
     scans: list[dict[EffectKey, _Scan]] = [{} for _ in filters]
     for batch in _batches(jacobians):
-        rows = np.concatenate([j.rows for j in batch], axis=1)
-        means = np.concatenate([j.initial_mean for j in batch], axis=1)
+        columns = stacked(batch)
         for whiten, y, by_key in zip(filters, residuals, scans, strict=True):
-            white, column = whiten(rows, means), 0
+            white, column = whiten(*columns), 0
             for j in batch:
                 x = white[:, column : column + len(j.names)]
                 column += len(j.names)
@@ -247,9 +247,7 @@ def marginalize_model_effects(model: LinearizedModel, whiten: WhiteningFilter) -
     own = [effect_jacobian(model, a, [q.name for q in a.fitted]) for a in model.effects if a.fitted]
     if not own:
         return whiten
-    columns = whiten(
-        np.concatenate([j.rows for j in own], axis=1), np.concatenate([j.initial_mean for j in own], axis=1)
-    )
+    columns = whiten(*stacked(own))
     vectors, size, _ = np.linalg.svd(columns * np.concatenate([j.sigma for j in own]), full_matrices=False)
     removed = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from edl_filter.report.constraints import in_sigmas
 from edl_filter.report.decimate import extremes
 from edl_filter.report.html.diagnosis_sections import diagnose_command
 from edl_filter.report.html.page import Block, Command, MapButton, MapTable, Note, ResidualPlot, Scale, Section
@@ -182,8 +183,7 @@ def constraint_payload(reader: ResultReader, name: str) -> dict[str, Any] | None
     if time is None or innovation is None or sigma is None:
         return None
     components = reader.text(group, "component")
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(sigma > 0.0, innovation / sigma, np.nan)
+    ratio = in_sigmas(innovation, sigma)
     return {
         "once": len(time) == 1,
         "parts": components if len(components) == ratio.shape[1] else [str(k) for k in range(ratio.shape[1])],

@@ -7,7 +7,7 @@ from user_effects import BUMP
 
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
-from edl_filter.mission.edit_effects import add_effect
+from edl_filter.workflow.add_effect import add_effect
 
 
 def test_an_effect_of_a_file_is_written_with_its_file(tmp_path, monkeypatch):
