@@ -25,7 +25,7 @@ from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.load import impacts_from
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
-from edl_filter.telemetry.record import Telemetry
+from edl_filter.telemetry.record import ImuRecord, Telemetry
 
 #: Distance from a bound, in logarithms, within which an estimate is at the bound.
 _AT_BOUND = 0.01
@@ -159,8 +159,12 @@ class FlightCase:
     def denoised_telemetry(self) -> Telemetry:
         """Telemetry in which each sample is interpolated from its neighbours."""
         t, length, end = self.reconstruction.telemetry, float(np.median(self.bins.interval)), self.end
-        checking = tuple(denoise(record, length, end) for record in t.checking)
-        return replace(t, driving=denoise(t.driving, length, end), checking=checking)
+
+        def denoised(record: ImuRecord) -> ImuRecord:
+            coarse = [f.channel for f in t.findings if f.kind == "coarse" and f.imu == record.name]
+            return denoise(record, length, end, coarse)
+
+        return replace(t, driving=denoised(t.driving), checking=tuple(denoised(record) for record in t.checking))
 
     @cached_property
     def forward_model(self) -> ForwardModel:
