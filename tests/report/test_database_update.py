@@ -172,7 +172,8 @@ def test_a_shift_has_its_sigmas_and_unit(content, text):
 def test_all_shifts_are_one_sentence_in_their_order():
     shifts = (nuisance("wind_east", 3.0, 9.0, "m/s"), nuisance())
     assert nuisance_sentence(shifts) == (
-        "Away from what the mission states: wind towards east by 3 sigma (9 m/s), mass by 2.5 sigma (0.1 kg)."
+        "Nuisance parameters beyond two sigmas of their stated values: wind towards east by 3 sigma (9 m/s), "
+        "mass by 2.5 sigma (0.1 kg)."
     )
 
 
@@ -194,12 +195,12 @@ def test_an_estimated_error_says_that_a_missing_effect_makes_it_larger():
 def test_the_place_of_an_increment_is_a_mach_or_knudsen_number(place, text):
     content = DatabaseUpdateContent(file="database_update.nc", cells=20, largest={"CA": largest(**place)})
     assert update_sentence(content) == (
-        f"What the flight says of the database: largest ΔCA -0.0123 ± 0.004 at {text} and 4 deg (-1.5 of its sigma)."
+        f"Estimated increments of the database: largest ΔCA -0.0123 ± 0.004 at {text} and 4 deg (-1.5 of its sigma)."
     )
 
 
 def test_the_largest_increments_of_all_coefficients_are_one_sentence():
     increments = {"CA": largest(mach=5.0), "CN": largest(knudsen=0.1), "Cm": largest(mach=20.0)}
     parts = update_sentence(DatabaseUpdateContent(file="", cells=1, largest=increments)).split("; ")
-    assert [p.split(" -")[0] for p in parts] == ["What the flight says of the database: largest ΔCA", "ΔCN", "ΔCm"]
+    assert [p.split(" -")[0] for p in parts] == ["Estimated increments of the database: largest ΔCA", "ΔCN", "ΔCm"]
     assert ["Mach 5 " in parts[0], "Kn 0.1 " in parts[1], "Mach 20 " in parts[2]] == [True] * 3

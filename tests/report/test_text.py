@@ -117,7 +117,9 @@ def test_information_has_two_decimals_below_ten_nats():
 def test_effects_that_the_flight_does_not_show_at_a_plausible_size():
     mixed = {"wind": screened(30.0, 20.0), "mass": screened(), "drift": screened(None, 1.0), "jet": screened(3.0, 2.4)}
     sentence = undetectable_sentence(DiagnosisContent.of(diagnosis(screening=mixed)))
-    assert sentence.startswith("Not detectable at a plausible size on this flight (relative size that would be): jet")
+    assert sentence.startswith(
+        "Not detectable at a plausible size on this flight (detectable over plausible size): jet"
+    )
     assert sentence.endswith("jet (1.25), wind (1.5), drift.")
     assert undetectable_sentence(DiagnosisContent.of(diagnosis())) == ""
 

@@ -53,7 +53,7 @@ def _print_version(requested: bool) -> None:
 @app.callback(
     help="Reconstruct planetary entries from inertial telemetry.\n\n"
     "Exit codes: 0 done; 3 done, but the result is not to be trusted (landing, altimeter or rest contradict it); 2 the "
-    "input is wrong, with one message; 1 an error of the program.",
+    "input is wrong, with one message; 1 an error of the program; 130 Ctrl-C.",
     epilog="Example: edl-filter demo -o results/demo",
 )
 def _app(

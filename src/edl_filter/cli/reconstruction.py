@@ -64,7 +64,7 @@ def new(
         typer.Option(
             "--from",
             metavar="MISSION",
-            help="Mission to begin with; without it the file says what to fill in.",
+            help="Mission to begin with; without it the file lists what to fill in.",
             autocompletion=mission_names,
         ),
     ] = None,

@@ -77,7 +77,7 @@ class Diagnosis:
     noise_floor : float
         Normalised RMS that chance allows over the flight: its 97.5 % point.
     update : DatabaseUpdate or None
-        What the flight says of the database, with the model as it is; None with an exact database.
+        Estimated increments of the database, with the model as it is; None with an exact database.
     shifts : tuple of NuisanceShift
         Nuisance parameters that the flight moves away from what the mission states.
     """

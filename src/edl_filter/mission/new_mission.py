@@ -29,7 +29,7 @@ def new_mission(target: Path, source: str | None = None, overrides: Sequence[str
         File to write; the mission's name is that of the file without its suffix.
     source : str, optional
         Mission to begin with, a file or ``builtin:NAME``: its values and comments are kept, its sections with default
-        values and its folder of results are not. Without it the file is a template that says what to fill in.
+        values and its folder of results are not. Without it the file is a template that lists what to fill in.
     overrides : sequence of str
         As in `Mission.load`; only with `source`.
     replace : bool

@@ -103,7 +103,7 @@ def nuisance_sentence(nuisances: Sequence[NuisanceContent]) -> str:
     """All shifts as one sentence; empty if there is none."""
     if not nuisances:
         return ""
-    return f"Away from what the mission states: {', '.join(map(nuisance_text, nuisances))}."
+    return f"Nuisance parameters beyond two sigmas of their stated values: {', '.join(map(nuisance_text, nuisances))}."
 
 
 def discrepancy_sentence(discrepancy: DiscrepancyContent | None) -> str:
@@ -131,4 +131,4 @@ def update_sentence(update: DatabaseUpdateContent | None) -> str:
             f"Δ{name} {number(largest.increment)} ± {number(largest.sigma)} at {place} and "
             f"{largest.alpha_deg:.3g} deg ({number(largest.sigmas)} of its sigma)"
         )
-    return f"What the flight says of the database: largest {'; '.join(parts)}."
+    return f"Estimated increments of the database: largest {'; '.join(parts)}."

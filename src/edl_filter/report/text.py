@@ -75,7 +75,7 @@ def undetectable_sentence(diagnosis: DiagnosisContent) -> str:
             "With these sigmas nothing could be found: no effect is detectable at a plausible size. Smallest "
             f"detectable sizes, relative to plausible ones: {listed}."
         )
-    return f"Not detectable at a plausible size on this flight (relative size that would be): {listed}."
+    return f"Not detectable at a plausible size on this flight (detectable over plausible size): {listed}."
 
 
 def state_sentences(diagnosis: DiagnosisContent) -> list[str]:
@@ -114,7 +114,7 @@ def limited_probability_sentence(diagnosis: DiagnosisContent) -> str:
     if not limited or (something.probability or 0.0) <= (first.probability or 0.0):
         return ""
     return (
-        f"“Something else” is more probable than the gains say: {first.label} explains "
+        f"“Something else” is more probable than the gains imply: {first.label} explains "
         f"{100.0 * (first.explained_share or 0.0):.0f} % of the misfit, and that share limits the probability of an "
         "effect, however large its gain."
     )

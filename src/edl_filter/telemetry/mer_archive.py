@@ -251,7 +251,7 @@ def _increment_clock(transformed: Transformed, highrate: HighRate, unit: str, no
         rate = f", so that its oscillator is {1e6 * clock.rate_error:+.1f} ppm off" if len(slips) > 1 else ""
         notes.append(
             f"{unit} IMU: {len(slips)} sample{'s' * (len(slips) != 1)} of {count} increments (SCLK "
-            f"{', '.join(f'{t:.3f}' for t in clock.slips)}){rate}; all of its times are those of its increments."
+            f"{', '.join(f'{t:.3f}' for t in clock.slips)}){rate}; its sample times are corrected for that."
         )
     return clock
 

@@ -53,7 +53,7 @@ def nuisance_shifts(model: LinearizedModel, update: DatabaseUpdate | None) -> tu
     model : LinearizedModel
         The linearised model.
     update : DatabaseUpdate or None
-        What the flight says of the database.
+        Estimated increments of the database.
     """
     whiten, nuisance = model.fitted_noise_filter, model.nuisance
     initial, states = smoothed_states(whiten, model.white_residuals(whiten), model.initial_mean)
