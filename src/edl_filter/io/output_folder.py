@@ -127,7 +127,7 @@ def staged_output(folder: Path, removals: Callable[[Path], Iterable[str]] = lamb
 
 
 def finish_commit(folder: Path) -> None:
-    """Move the files of a complete output to their places in `folder`, as far as a killed program did not."""
+    """Move the files of a complete output to their places in `folder` that an interrupted command has not moved."""
     complete = folder / _COMMIT
     listed = complete / _REMOVALS
     if not complete.is_dir():

@@ -219,7 +219,7 @@ def propagated_states(window: Window, states: Array) -> Array:
     Returns
     -------
     (T, 20) array
-        A motion that obeys Euler's equations in the stretch, as an approximate one need not.
+        In the stretch the motion obeys Euler's equations, which an approximate motion need not do.
     """
     states, loads, nodes = states.copy(), window.loads, 2 * window.steps
     at_nodes = ("air", "pressure_area", "coefficients", "cmq", "rate_scale")

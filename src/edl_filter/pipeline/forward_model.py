@@ -101,7 +101,20 @@ def damping_of(mission: Mission) -> Damping:
 
 
 def body_of(mission: Mission, effects: Sequence[EffectInstance] = ()) -> Body:
-    """The vehicle at entry, with effects; its inertia is zero where the mission states none."""
+    """The vehicle at entry, with effects.
+
+    Parameters
+    ----------
+    mission : Mission
+        Its `vehicle`.
+    effects : sequence of EffectInstance
+        Those that change mass, inertia or centre of mass act.
+
+    Returns
+    -------
+    Body
+        Mass, kg; inertia, kg m², zero where the mission states none; offset of the centre of mass, m.
+    """
     vehicle = mission.vehicle
     body = Body(
         mass=vehicle.mass,

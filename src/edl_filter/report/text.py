@@ -231,9 +231,17 @@ def error_fall(hypothesis: RankedHypothesis) -> str:
 
 
 def ranking_rows(diagnosis: DiagnosisContent) -> list[tuple[str, ...]]:
-    """Hypotheses, then that nothing is missing and that something else is, which are the last two rows.
+    """Rows of the ranking as text: the hypotheses, then "nothing is missing" and "something else".
 
-    Columns: effect, probability, gain, held-out gain, parameters, fall of the normalised RMS.
+    Parameters
+    ----------
+    diagnosis : DiagnosisContent
+        With its ranking.
+
+    Returns
+    -------
+    list of tuple of str
+        Columns: effect, probability, gain, held-out gain, parameters, fall of the normalised RMS.
     """
     something = diagnosis.something_else
     return [

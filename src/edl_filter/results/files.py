@@ -78,6 +78,10 @@ def read_summary(path: Path) -> Summary:
     path : Path
         The file, or its folder.
 
+    Returns
+    -------
+    Summary
+
     Raises
     ------
     InputError

@@ -322,6 +322,20 @@ def fill_highrate_gaps(tables: MerTables, setup: MerSetup, segment: Segment) -> 
 
     In the 0.875 s that Spirit's table lacks under the parachute, interpolated gyro rates would have an attitude error
     of more than ten degrees.
+
+    Parameters
+    ----------
+    tables : MerTables
+        With the on-board quaternions.
+    setup : MerSetup
+        Mountings.
+    segment : Segment
+        HIGHRATE readings, with gaps.
+
+    Returns
+    -------
+    list of Segment
+        In order of time: what was read, and in between the gaps.
     """
     segments = fill_gaps(segment)
     read = [_with_interpolated_rates(s) for s in segments]

@@ -136,7 +136,15 @@ def write_failure(folder: Path, campaign: Campaign, number: int, kind: str, mess
 
 
 def read_progress(folder: Path, total: int) -> Progress:
-    """Which of the cases 0 to `total` - 1 are complete."""
+    """Which of the cases 0 to `total` - 1 are complete, and which failed and were not repeated with success.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+    total : int
+        Number of cases.
+    """
     done, failed = np.zeros(total, bool), np.zeros(total, bool)
     for kind, mask in ((CASES, done), (FAILURES, failed)):
         for number in _numbers(folder / kind):

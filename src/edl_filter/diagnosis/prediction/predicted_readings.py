@@ -66,7 +66,18 @@ def predict(
 def accelerations_at_nodes(
     model: ForwardModel, flow: FlightCondition, tables: AeroCoefficients | None = None
 ) -> tuple[Array, Array]:
-    """Specific force (m/s²) and angular acceleration (rad/s²) at the nodes ``(M, 3)``; arguments as of `predict`."""
+    """Specific force and angular acceleration at the nodes.
+
+    Parameters
+    ----------
+    model, flow, tables
+        As of `predict`.
+
+    Returns
+    -------
+    specific_force, angular_acceleration : (M, 3) arrays
+        m/s² and rad/s², body axes.
+    """
     force, moment = model.loads(flow, tables)
     return model.specific_force(flow.time, force), model.angular_acceleration(flow.time, flow.rate, moment)
 
