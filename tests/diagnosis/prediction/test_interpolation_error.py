@@ -304,7 +304,10 @@ def thinned(imu, per_sample, first=0, begin=0.0):
 @pytest.mark.slow
 @pytest.mark.parametrize(("per_sample", "first", "begin"), [(4, 0, 0.0), (5, 2, 0.0), (8, 0, 0.0), (5, 2, 100.0)])
 def test_imus_with_different_clocks_agree(tmp_path, per_sample, first, begin):
-    """The driving IMU reads at 8 Hz, the second one at 10, 8 (50 ms later) and 5 Hz, or from 100 s on."""
+    """The driving IMU reads at 8 Hz, the second one at 10, 8 (50 ms later) and 5 Hz, or from 100 s on.
+
+    The noise of parts of a longer sample is smaller than that of independent samples, which is assumed.
+    """
     contents = simulate(Scenario.load("builtin:mer", ["sampling.interval_s=0.025"]), (), 11).contents
     imus = {
         "primary": thinned(contents.imus["primary"], 5),
@@ -315,7 +318,7 @@ def test_imus_with_different_clocks_agree(tmp_path, per_sample, first, begin):
         linearization.linearize(load_case(Mission.load("builtin:practice_mer", [f"telemetry.path={path}"])))
     )
     for name in ("secondary_force_x", "secondary_rate_x", "secondary_rate_y", "secondary_rate_z"):
-        assert 0.4 < rms[name] < 1.2, (name, rms[name])  # in parts of a sample the noise is less than independent
+        assert (0.4 if per_sample > 5 else 0.8) < rms[name] < 1.2, (name, rms[name])
 
 
 @pytest.mark.slow
