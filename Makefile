@@ -30,7 +30,7 @@
 #   make study-thresholds   which verdicts change with each threshold of the diagnosis (hours; resumable)
 #   make thesis-claims      write docs/thesis-claims.md: every statement of the thesis on the rovers with our number (seconds)
 #   make study-comparators  what stepwise regression and pysindy say of the practice flights
-#   make study-cross-prediction  learn the database's increments on one rover and predict the other (a minute)
+#   make study-cross-prediction  learn the increments on one rover and predict the other (5 minutes)
 #   make study-moment-regression  which kind of moment the models of both rovers lack (seconds)
 
 PYTHON ?= python3
@@ -149,7 +149,7 @@ study-comparators: $(STAMP)
 	$(BIN)/python benchmarks/studies/comparators.py
 
 study-cross-prediction: $(STAMP)
-	$(BIN)/python benchmarks/studies/cross_prediction.py --figure docs/figures/increments_of_both_rovers.png
+	$(BIN)/python benchmarks/studies/cross_prediction.py --sensitivity --figure docs/figures/increments_of_both_rovers.png
 	$(BIN)/python benchmarks/studies/cross_prediction.py --estimate
 
 study-moment-regression: $(STAMP)

@@ -1,17 +1,21 @@
 """Learn the database's increments on one flight and predict the other: what both flights say is aerodynamics.
 
-    python benchmarks/studies/cross_prediction.py [FIRST.yaml SECOND.yaml] [--estimate]
+    python benchmarks/studies/cross_prediction.py [FIRST.yaml SECOND.yaml] [--estimate] [--sensitivity]
 
 The missions are Spirit's and Opportunity's without arguments. Each flight is linearised as a diagnosis does, with the
 effects of its mission and everything else that it states as uncertain marginalised. The tables have the gain in
 log-likelihood of the second flight's residuals by the increments that the first gives, over the prior database, by
 channel and regime of the flow, nats. With ``--estimate`` the first flight also gives the scale of the database's error,
 by marginal likelihood; its own gain is that of the second flight's prior with this scale over that with the stated one.
+With ``--sensitivity`` the gain is computed with other settings of the excess noise and about the first linearisation
+point as well.
 
 Two flights of one vehicle meet the same error of the database, and nothing else is common to them: air, path, IMU and
 its errors differ. Increments that are learned from one flight must therefore raise the probability of the other one's
 forces and moments over that under the prior database (held-out predictive density: Gelman et al., Bayesian Data
-Analysis, 3rd ed. 2013, ch. 7).
+Analysis, 3rd ed. 2013, ch. 7). With one prior the gain of all rows is the same in both directions, the logarithm of
+p(y1, y2) / (p(y1) p(y2)): the Bayes factor of one database for both flights over a database for each. Only its parts by
+channel and regime differ.
 
 The field passes from flight to flight by variables z at knots that both flights have flown over: principal modes over
 the angle by the Cholesky factor along the flow, so that z ~ N(0, 1) a priori in either flight. With V the whitened
@@ -60,6 +64,15 @@ SCALE = "coefficient_sigma"
 CHANNELS = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 #: Angles of the figure, deg.
 FIGURE_ANGLES = (2.0, 4.0)
+#: Settings whose influence on the gain is computed: factors of two of those of the excess noise, and the first point.
+SENSITIVITY = (
+    "noise_piece_s=5",
+    "noise_piece_s=20",
+    "excess_variance_sigmas=2",
+    "excess_variance_sigmas=8",
+    "excess_colour_factors=[1]",
+    "linearization_iterations=1",
+)
 #: Eigenvalue of the covariance over the angle, relative to the largest, below which a principal mode is left out.
 _NEGLIGIBLE_MODE = 1e-8
 #: Information about a combination of z below which it is left out.
@@ -320,6 +333,16 @@ def draw_increments(models: Sequence[LinearizedModel], path: Path) -> None:
     plt.close(figure)
 
 
+def sensitivity(files: Sequence[Path]) -> str:
+    """Gains with other settings, one line for each of `SENSITIVITY`."""
+    lines = ["\nGain with other settings in both directions, nats"]
+    for setting in SENSITIVITY:
+        models = [linear_model(Mission.load(file, [f"diagnosis.{setting}"])) for file in files]
+        gains = [predictive_log_likelihood(models[i], models[1 - i]).total for i in (0, 1)]
+        lines.append(f"{setting:32}{gains[0]:8.1f}{gains[1]:8.1f}")
+    return "\n".join(lines)
+
+
 def with_scale(mission: Mission, scale: float) -> Mission:
     """The mission with another scale of the database's error."""
     assert mission.aerodynamics is not None
@@ -342,6 +365,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("missions", nargs="*", type=Path, help="two missions of one vehicle")
     parser.add_argument("--estimate", action="store_true", help="estimate the scale on the flight that is learned from")
+    parser.add_argument("--sensitivity", action="store_true", help="gains with other settings of the diagnosis, too")
     parser.add_argument("--figure", type=Path, help="PNG file of the increments of both flights")
     a = parser.parse_args()
     if len(a.missions) not in (0, 2):
@@ -361,6 +385,8 @@ def main() -> None:
             gain = models[second].log_likelihood - stated[second].log_likelihood
             print(f"Scale {scale:.2f} in stated sigmas: {gain:.1f} nats. Increments:")
         print(table(predictive_log_likelihood(models[first], models[second])), flush=True)
+    if a.sensitivity:
+        print(sensitivity(files), flush=True)
 
 
 if __name__ == "__main__":

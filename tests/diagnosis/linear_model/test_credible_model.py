@@ -43,7 +43,7 @@ def test_the_estimate_is_the_maximum_of_a_known_posterior(builtin_flight, monkey
         at = np.log([prior.scale, prior.log_mach_length])
         return -0.5 * float(information @ (at - best) ** 2)
 
-    monkeypatch.setattr(module, "_log_likelihood", log_likelihood)
+    monkeypatch.setattr(module, "_log_evidence", log_likelihood)
     stated, weight = np.log([0.5, 0.5]), case.settings.discrepancy_sigma**-2
     expected = np.exp((information * best + weight * stated) / (information + weight))
     out = with_estimated_discrepancy(case)
@@ -59,7 +59,7 @@ def test_the_estimate_is_the_maximum_of_a_known_posterior(builtin_flight, monkey
 
 def test_an_estimate_stays_within_its_bounds_and_says_so(builtin_flight, monkeypatch):
     case = case_of(builtin_flight, estimated(["coefficient_sigma"]), "diagnosis.discrepancy_range=2")
-    monkeypatch.setattr(module, "_log_likelihood", lambda case: 1e3 * case.uncertainty.discrepancy.scale)
+    monkeypatch.setattr(module, "_log_evidence", lambda case: 1e3 * case.uncertainty.discrepancy.scale)
     (quantity,) = with_estimated_discrepancy(case).discrepancy_estimate.quantities
     assert quantity.estimate == pytest.approx(1.0, rel=1e-3) and quantity.at_bound
     assert (quantity.low, quantity.high) == pytest.approx((0.25, 1.0))
@@ -99,6 +99,13 @@ def test_a_failing_model_is_relinearised_to_where_it_is_more_probable(monkeypatc
     models = [constructed_model(k, 0.5 * 0.7**k, value) for k, value in enumerate(likelihoods)]
     monkeypatch.setattr(module, "iterate_point", lambda case, iterations, max_share, first: iter(models[:iterations]))
     assert relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0]) is models[1]
+
+
+def test_the_price_of_the_noise_counts_against_the_likelihood_of_a_point(monkeypatch):
+    """The second point is more likely by 30 nats, with variances whose price is 40 nats more."""
+    models = [constructed_model(0, 0.5, 0.0), constructed_model(1, 0.35, 30.0, penalty=40.0)]
+    monkeypatch.setattr(module, "iterate_point", lambda case, iterations, max_share, first: iter(models))
+    assert relinearize_failing_model(SimpleNamespace(settings=SETTINGS), models[0]) is None
 
 
 def test_of_the_points_at_which_the_model_holds_the_most_likely_is_taken(monkeypatch):

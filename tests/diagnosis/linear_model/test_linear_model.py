@@ -125,6 +125,7 @@ def test_the_penalty_of_the_noise_is_that_of_its_variances_and_of_a_colour_that_
         model.release_filters()
     assert model.noise_penalty == pytest.approx(penalty)
     assert model.log_evidence == pytest.approx(-0.5 * 4.0 * ROWS - penalty)
+    assert model.white_excess_log_evidence == pytest.approx(-0.5 * 4.0 * ROWS - 2.0 * bool(share))  # before its colour
 
 
 @pytest.mark.parametrize("memory", [0.5, 5.0, 500.0])

@@ -10,17 +10,19 @@ from edl_filter.diagnosis.linear_model import linearization as module
 from edl_filter.diagnosis.linear_model.linearization import linearize
 
 
-def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0):
+def patched_iteration(monkeypatch, shares, likelihoods=None, change=1.0, penalties=None):
     """Models of given shares in turn; each point differs by `change`. Lists of models and of initial excesses.
 
-    Each model is more likely than the one before by ten nats, unless the likelihoods are given.
+    Each model is more likely than the one before by ten nats, unless the likelihoods are given; the penalties of their
+    noise are zero, unless they are given.
     """
     models, starts = [], []
 
     def linearize_at(case, point, initial_excess=None):
         number = len(models)
         likelihood = 10.0 * number if likelihoods is None else likelihoods[number]
-        models.append(constructed_model(number + 1, shares[min(number, len(shares) - 1)], likelihood))
+        penalty = 0.0 if penalties is None else penalties[number]
+        models.append(constructed_model(number + 1, shares[min(number, len(shares) - 1)], likelihood, penalty))
         starts.append(initial_excess)
         return models[-1]
 
@@ -95,4 +97,11 @@ def test_the_iteration_ends_where_the_likelihood_gains_little(monkeypatch, gain,
 )
 def test_the_most_likely_of_the_models_that_hold_is_returned_or_of_all(monkeypatch, shares, likelihoods, best):
     patched_iteration(monkeypatch, shares, likelihoods)
+    assert linearize(CASE, iterations=3).number == best
+
+
+@pytest.mark.parametrize(("penalty", "best"), [(0.0, 1), (4.0, 1), (6.0, 2)])
+def test_of_two_failing_models_the_price_of_the_noise_counts(monkeypatch, penalty, best):
+    """A point about which more variances are added is more likely by them; here by 5 nats."""
+    patched_iteration(monkeypatch, [0.5, 0.3, 0.2], [20.0, 15.0, 0.0], penalties=[penalty, 0.0, 0.0])
     assert linearize(CASE, iterations=3).number == best

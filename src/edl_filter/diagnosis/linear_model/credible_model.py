@@ -66,7 +66,7 @@ def with_estimated_discrepancy(case: FlightCase) -> FlightCase:
         key = tuple(float(v) for v in logarithm)
         if key not in values:
             prior = 0.5 * float(np.sum((logarithm / settings.discrepancy_sigma) ** 2))
-            values[key] = prior - _log_likelihood(_with_values(case, names, stated * np.exp(logarithm)))
+            values[key] = prior - _log_evidence(_with_values(case, names, stated * np.exp(logarithm)))
         return values[key]
 
     start = np.zeros(len(names))
@@ -106,10 +106,10 @@ def _with_values(case: FlightCase, names: tuple[str, ...], values: Array) -> Fli
     return flight_case(replace(case.reconstruction, mission=mission.model_copy(update={"aerodynamics": stated})))
 
 
-def _log_likelihood(case: FlightCase) -> float:
+def _log_evidence(case: FlightCase) -> float:
     """Log marginal likelihood about the smoothed reconstruction, with the price of the excess noise, nats."""
     model = linearize_at(case, smoothed_point(case.reconstruction))
-    return model.white_excess_log_likelihood - model.excess_variance.penalty
+    return model.white_excess_log_evidence
 
 
 def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> LinearizedModel | None:
@@ -137,7 +137,7 @@ def relinearize_failing_model(case: FlightCase, model: LinearizedModel) -> Linea
     for candidate in islice(iterate_point(case, settings.alternative_iterations, 1.0, model), 1, None):
         if best.holds and not candidate.holds:
             break
-        best = max(best, candidate, key=lambda m: preference(m, m.log_likelihood))
+        best = max(best, candidate, key=lambda m: preference(m, m.log_evidence))
         if not candidate.holds and candidate.excess_variance.share > settings.alternative_progress * share:
             break
         share = candidate.excess_variance.share

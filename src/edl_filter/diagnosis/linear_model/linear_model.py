@@ -221,6 +221,11 @@ class LinearizedModel:
         return whiten.log_likelihood(self.white_residuals(whiten))
 
     @property
+    def white_excess_log_evidence(self) -> float:
+        """The same less the penalty of the excess variance, nats, by which linearisation points are compared."""
+        return self.white_excess_log_likelihood - self.excess_variance.penalty
+
+    @property
     def holding_log_likelihood(self) -> float:
         """Log marginal likelihood expected at the stated noise of a model that holds, nats.
 

@@ -256,10 +256,10 @@ def linearize(
     iterations the point moves to the most probable nuisance parameters until it converges. A failing model may move the
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
     variance. The iteration is no descent: where the angle of attack passes the nodes of a table, the likelihood may
-    fall by some nats from one point to the next. So the most likely model of all points is returned: of those that hold
-    without excess variance, if there are any, or of those that hold. An effect is fitted about the most likely of its
-    points too (`at_map_point`); if the model without it were about a less likely one, the difference would be a gain of
-    every effect.
+    fall by some nats from one point to the next. So the most probable model of all points is returned: of those that
+    hold without excess variance, if there are any, or of those that hold. An effect is fitted about the most likely of
+    its points too (`at_map_point`); if the model without it were about a less likely one, the difference would be a
+    gain of every effect.
 
     Parameters
     ----------
@@ -281,26 +281,26 @@ def linearize(
     first = first or linearize_at(case, smoothed_point(case.reconstruction))
     best = first
     for model in iterate_point(case, iterations, max_excess_share, first, least_iterations):  # large: one is kept
-        best = max(best, model, key=lambda m: preference(m, m.white_excess_log_likelihood))
+        best = max(best, model, key=lambda m: preference(m, m.white_excess_log_evidence))
     return best
 
 
-def preference(model: LinearizedModel, log_likelihood: float) -> tuple[bool, bool, float]:
+def preference(model: LinearizedModel, log_evidence: float) -> tuple[bool, bool, float]:
     """Order of the linearisation points of one case: the largest is the best.
 
     Parameters
     ----------
     model : LinearizedModel
         About the point.
-    log_likelihood : float
-        Of the model, nats.
+    log_evidence : float
+        Log marginal likelihood less the penalty of the model's noise, nats.
 
     Returns
     -------
     tuple of (bool, bool, float)
-        Whether the model holds, whether it holds without excess variance, and the log-likelihood.
+        Whether the model holds, whether it holds without excess variance, and the log evidence.
     """
-    return model.holds, model.holds and model.excess_variance.is_zero, log_likelihood
+    return model.holds, model.holds and model.excess_variance.is_zero, log_evidence
 
 
 def iterate_point(
