@@ -62,3 +62,13 @@ def test_a_flight_without_information_gains_nothing():
     _, first, first_white = evidence(learned, distance)
     _, second, second_white = evidence(predicted, distance)
     assert np.all(row_gains(0.0 * first, first_white, second, second_white) == 0.0)
+
+
+def test_the_gain_of_all_rows_is_the_same_in_both_directions():
+    """It is ln p(y1, y2) - ln p(y1) - ln p(y2), a symmetric function of both flights."""
+    flights, distance = (Flight(seed=3), Flight(seed=4)), np.linspace(0.2, 3.0, 8)
+    (_, first, first_white), (_, second, second_white) = (evidence(flight, distance) for flight in flights)
+    forward = row_gains(first, first_white, second, second_white)
+    backward = row_gains(second, second_white, first, first_white)
+    assert np.sum(forward) == pytest.approx(np.sum(backward), abs=1e-9)
+    assert not np.allclose(forward[: len(backward)], backward[: len(forward)])  # its parts are not
