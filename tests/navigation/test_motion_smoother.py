@@ -429,6 +429,7 @@ def gust(t, state):
     return state + np.eye(SIZE)[18] * {80: 100.0, 92: -100.0}.get(t, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", ["one axis is lost", "all are lost"])
 def test_what_is_read_within_a_stretch_determines_the_motion_there(rates):
     """A gust within the stretch, which the readings on both sides do not show.

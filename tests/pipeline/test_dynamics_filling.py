@@ -232,6 +232,7 @@ def lost_rates_and(telemetry, changes, findings):
     return repaired(replace(telemetry, driving=driving, checking=(), findings=findings), parachute=PARACHUTE)
 
 
+@pytest.mark.slow
 def test_a_triad_of_which_all_axes_are_lost_in_a_part_is_filled_whole(inputs):
     """One oblique axis of the rates is lost for ten seconds, and all axes for one second within."""
     mission, telemetry, planet, atmosphere = inputs
@@ -253,6 +254,7 @@ def test_a_triad_of_which_all_axes_are_lost_in_a_part_is_filled_whole(inputs):
     assert errors[0] < 1e-3 < errors[1]
 
 
+@pytest.mark.slow
 def test_the_sigma_of_a_triad_is_that_of_the_samples_in_which_it_is_lost(inputs):
     """Rates are lost for ten seconds, forces for three samples within: the sigma of their sum is the prediction's."""
     mission, telemetry, planet, atmosphere = inputs
