@@ -176,7 +176,7 @@ def window_around(
     counts = np.diff(cuts)
     widths = np.diff(edges)[cuts[0] : cuts[-1], None]
     lengths = np.diff(edges[cuts])[:, None]
-    rows = base.index_at(samples.time - 0.5 * samples.interval)[cuts[0] : cuts[-1]]
+    rows = base.index_at(samples.middle)[cuts[0] : cuts[-1]]
     axes, lost = _lost_components(base, rows, slice(first - cuts[0], last - cuts[0]))
     observed = np.add.reduceat(lost.astype(int), cuts[:-1] - cuts[0]) == 0
     rate, force = (v[cuts[0] + 1 : cuts[-1] + 1] for v in (trajectory.angular_rate, trajectory.specific_force))

@@ -108,7 +108,7 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     air_planet = compose_air_rotation(planet, reconstruction.effects)
     up = planet.enu_from_inertial(0.5 * (trajectory.time[1:] + trajectory.time[:-1]), position)[:, 2]
     parachute = reconstruction.event_times.get("parachute_deploy", float(trajectory.time[-1]))
-    middles = samples.time - 0.5 * samples.interval
+    middles = samples.middle
     mass, (x, y, z), inertia = _mass_properties(reconstruction, middles, parachute)
     sensor = np.sqrt(np.diag(reconstruction.smoothed.covariance[0]))
     layout = reconstruction.filter_pass.layout
@@ -176,7 +176,7 @@ def _is_read(reconstruction: Reconstruction, fill_sigma: Array) -> BoolArray:
     depend on the rates.
     """
     samples = reconstruction.problem.samples
-    middle, unread = samples.time - 0.5 * samples.interval, np.zeros(len(samples.time), bool)
+    middle, unread = samples.middle, np.zeros(len(samples.time), bool)
     for start, end in interpolated_stretches(reconstruction.telemetry):
         if end - start > SHORTEST_BY_DYNAMICS - SAME_TIME:
             unread |= (middle > start) & (middle < end)

@@ -269,7 +269,7 @@ def compare(
 
 def record_at_centre_of_mass(record: ImuRecord) -> ImuRecord:
     """Transfer a record to the centre of mass (thesis eq. 3.3), with smoothed rates and accelerations from them."""
-    middle = record.time - 0.5 * record.interval
+    middle = record.middle
     rate = batch_polynomial(middle, record.angular_rate, BATCH)
     acceleration = differentiated_rates(middle, rate, lambda t, v: batch_polynomial(t, v, BATCH))
     return at_centre_of_mass(record, np.asarray(acceleration))

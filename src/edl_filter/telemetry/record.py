@@ -172,6 +172,16 @@ class ImuRecord:
         return sample_edges(self.time, self.interval)
 
     @property
+    def middle(self) -> Array:
+        """Middle ``(N,)`` of each sample's interval, s."""
+        return self.time - 0.5 * self.interval
+
+    @property
+    def complete(self) -> BoolArray:
+        """Samples ``(N,)`` of which all values are finite."""
+        return finite_rows(self.specific_force) & finite_rows(self.angular_rate)
+
+    @property
     def filled(self) -> BoolArray:
         """Samples ``(N,)`` of which a value was filled in."""
         return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)

@@ -52,11 +52,6 @@ _LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
 
 
-def is_complete(record: ImuRecord) -> bool:
-    """Whether no value of a record is lost."""
-    return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
-
-
 def filled(
     record: ImuRecord, second: ImuRecord | None, settings: CheckSettings, parachute: float
 ) -> tuple[ImuRecord, list[tuple[float, float, str]]]:
@@ -84,7 +79,7 @@ def filled(
     InputError
         A stretch is lost that is too long to be filled without another IMU.
     """
-    if is_complete(record):
+    if record.complete.all():
         return record, []
     partial = {"force": record.partial_force, "rate": record.partial_rate}
     repairs: list[tuple[float, float, str]] = []
@@ -159,7 +154,7 @@ def with_limits(record: ImuRecord, findings: Sequence[SampleFinding]) -> ImuReco
     """
     values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
     sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
-    middle = record.time - 0.5 * record.interval
+    middle = record.middle
     for finding in findings:
         if finding.limit is None or finding.imu != record.name:
             continue
@@ -205,7 +200,7 @@ def _remaining_difference(
     own = record.specific_force if triad == "force" else record.angular_rate
     difference = own - getattr(source, triad)
     side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2) * float(np.median(record.interval[a:b]))
-    middle = record.time - 0.5 * record.interval
+    middle = record.middle
     near = (middle > middle[a] - side) & (middle < middle[b - 1] + side)
     near &= finite_rows(difference) & _same_kind(record, a)
     same_part = near & _same_part(record, a, parachute)

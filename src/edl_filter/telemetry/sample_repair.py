@@ -39,7 +39,6 @@ from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     PARACHUTE_MARGIN,
     filled,
-    is_complete,
     with_limits,
 )
 from edl_filter.telemetry.spikes import bad_triads
@@ -108,7 +107,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         findings += _disagreements(records, drifts, settings, smooth_until)
     unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
     nothing_bad = all(f.kind in _KEPT for f in findings)
-    if nothing_bad and unchanged and all(is_complete(record) for record in records):
+    if nothing_bad and unchanged and all(record.complete.all() for record in records):
         checking = tuple(with_interpolation_noise(record, records[0]) for record in records[1:])
         same = all(a is b for a, b in zip(checking, telemetry.checking, strict=True))
         if findings != list(telemetry.findings):
@@ -291,9 +290,9 @@ def _without_clock_jumps(
     for gap in [f for f in findings if f.imu == record.name and f.kind == "missing"]:
         length = gap.end - gap.start
         window = within_window(record.time, record.interval, gap.end, gap.end + _JUMP_WINDOW)
-        middle = record.time[window] - 0.5 * record.interval[window]
+        middle = record.middle[window]
         own, read = record.angular_rate[window], finite_rows(second.angular_rate)
-        reach = second.time[read] - 0.5 * second.interval[read]
+        reach = second.middle[read]
         usable = finite_rows(own)
         if usable.sum() < _JUMP_SAMPLES or len(reach) < _JUMP_SAMPLES or not reach[0] < gap.start < gap.end < reach[-1]:
             continue
