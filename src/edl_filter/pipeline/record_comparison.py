@@ -13,6 +13,7 @@ from itertools import permutations, product
 
 import numpy as np
 
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.mission import Mission
 from edl_filter.pipeline.fault_hypotheses import exchange_text, imu_axes, sign_text
@@ -106,9 +107,7 @@ def _common(record: ImuRecord, reference: ImuRecord, quantity: str, end: float) 
     used = finite_rows(values) & (record.time <= min(end, reference.time[-1])) & (record.time >= reference.time[0])
     if known.sum() < 2:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    return values[used], np.column_stack([
-        np.interp(record.time[used], reference.time[known], column) for column in reference_values[known].T
-    ])  # fmt: skip
+    return values[used], interpolate_columns(record.time[used], reference.time[known], reference_values[known])
 
 
 def _typical(values: Array) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import moving_mean
 from edl_filter.telemetry.smoothing import (
     batch_polynomial,
     batch_polynomial_bandwidth,
@@ -89,10 +90,7 @@ class BatchSmoother:
 
     def _around(self, sample: Array, reach: IntArray) -> Array:
         """Root mean variance of the samples within `reach` of each, which a batch combines."""
-        total = np.concatenate(([0.0], np.cumsum(sample**2)))
-        index = np.arange(len(sample))
-        low, high = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(sample))
-        return np.sqrt((total[high] - total[low]) / (high - low))
+        return np.sqrt(moving_mean(sample[:, None] ** 2, reach)[:, 0])
 
     def as_derived(self, derivative: Array) -> Array:
         """A predicted derivative as `differentiate` computes it from the sensor's means of the rate.

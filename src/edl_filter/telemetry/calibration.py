@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_at
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, sample_edges, within_window
 from edl_filter.telemetry.smoothing import batch_polynomial, differentiated_rates
@@ -302,7 +303,7 @@ def _mean_force(record: ImuRecord, start: Array, end: Array) -> Array:
     velocity = np.vstack((np.zeros(3), np.cumsum(velocity_increment, axis=0)))
     missing_time = np.concatenate(([0.0], np.cumsum(np.where(measured, 0.0, step))))
     # A force that is constant over each interval has a velocity that is linear between the knots
-    change = np.stack([np.interp(end, knots, v) - np.interp(start, knots, v) for v in velocity.T], axis=-1)
+    change = interpolate_columns(end, knots, velocity) - interpolate_columns(start, knots, velocity)
     covered = (start >= knots[0] - SAME_TIME) & (end <= knots[-1] + SAME_TIME)
     covered &= np.interp(end, knots, missing_time) - np.interp(start, knots, missing_time) < SAME_TIME
     return np.where(covered[:, None], change / (end - start)[:, None], np.nan)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
 from edl_filter.telemetry.disagreement import TRIADS, disagreements
 from edl_filter.telemetry.record import (
@@ -298,8 +299,7 @@ def _without_clock_jumps(
             continue
         mean_square = []
         for shift in (length, 0.0):
-            rates = [np.interp(middle[usable] - shift, reach, c) for c in second.angular_rate[read].T]
-            difference = own[usable] - np.stack(rates, axis=1)
+            difference = own[usable] - interpolate_columns(middle[usable] - shift, reach, second.angular_rate[read])
             mean_square.append(float(np.mean((difference - np.mean(difference, axis=0)) ** 2)))
         if mean_square[0] > _JUMP_RATIO * mean_square[1]:
             continue
