@@ -17,7 +17,7 @@ from edl_filter.estimation.series import moving_mean
 from edl_filter.telemetry.smoothing import (
     batch_polynomial,
     batch_polynomial_bandwidth,
-    batch_weights,
+    batch_polynomial_gain,
     differentiated_rates,
     low_pass,
     low_pass_gain,
@@ -228,9 +228,7 @@ def _spread(short: Array, n: int) -> Array:
 
 def _responses(points: int) -> tuple[Array, Array]:
     """Responses of a batch, and of the differentiation with two batches (per sample), at `_FREQUENCY`."""
-    weights = batch_weights(points, _ORDER)
-    lag = np.arange(points) - points // 2
-    batch = np.cos(2.0 * np.pi * np.outer(_FREQUENCY, lag)) @ weights
+    batch = batch_polynomial_gain(_FREQUENCY, points, _ORDER)
     # a difference over one sample, and the mean of two neighbouring differences
     return batch, batch**2 * np.sin(2.0 * np.pi * _FREQUENCY)
 
