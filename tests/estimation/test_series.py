@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.estimation.series import interpolate_columns, moving_mean, runs
+from edl_filter.estimation.series import finite_rows, interpolate_columns, moving_mean, runs
+
+
+def test_a_row_is_finite_where_all_its_numbers_are():
+    values = np.zeros((4, 2, 3))
+    values[1, 0, 2], values[3, 1, 1] = np.nan, -np.inf
+    np.testing.assert_array_equal(finite_rows(values), [True, False, True, False])
+    np.testing.assert_array_equal(finite_rows(values[:, 0]), [True, False, True, True])
 
 
 @given(st.lists(st.booleans(), max_size=20))

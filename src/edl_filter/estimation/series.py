@@ -1,4 +1,4 @@
-"""Series of samples: stretches in which a condition holds, moving means, linear interpolation of columns."""
+"""Series of samples: finite rows, runs of a condition, moving means, linear interpolation of columns."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.types import Array, BoolArray, IntArray
+
+
+def finite_rows(values: Array) -> BoolArray:
+    """Rows (N,) of `values` (N, ...) of which all numbers are finite."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))), np.bool_)
 
 
 def runs(selected: BoolArray) -> list[tuple[int, int]]:

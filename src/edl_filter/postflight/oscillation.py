@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.aero.conventions import reference_area
+from edl_filter.estimation.series import finite_rows
 from edl_filter.types import Array
 
 #: Length of a window and distance between two, s.
@@ -100,7 +101,7 @@ def oscillation(
     -------
     Oscillation
     """
-    usable = np.isfinite(moments).all(axis=1) & np.isfinite(pressure)
+    usable = finite_rows(moments) & np.isfinite(pressure)
     usable &= np.arange(len(time)) % max(1, round(_CLOSEST / float(np.median(np.diff(time))))) == 0
     first, last = (time[usable][0], time[usable][-1]) if usable.any() else (0.0, 0.0)
     middles = np.arange(first + 0.5 * _WIDTH, last - 0.5 * _WIDTH, _STEP)

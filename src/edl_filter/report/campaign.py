@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edl_filter.estimation.series import finite_rows
 from edl_filter.report.description import Axis, Curve, Element, Figure, Legend, Line, Panel, Region
 from edl_filter.results.campaign_statistics import ELLIPSE_95, NORMAL_SHARES, PERCENTILES, SIGMAS, landing_offsets
 from edl_filter.types import Array
@@ -104,7 +105,7 @@ def _landing_panel(data: Dataset, group: dict[str, Any]) -> Panel | None:
 
 def _outline(points: Array) -> Array | None:
     """Ellipse ``(2, K)`` of 95 %, km."""
-    valid = points[np.isfinite(points).all(axis=1)]
+    valid = points[finite_rows(points)]
     if len(valid) < 3:
         return None
     values, vectors = np.linalg.eigh(1e-6 * np.cov(valid.T))

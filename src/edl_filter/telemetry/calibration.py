@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
-from edl_filter.estimation.series import interpolate_columns
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_at
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, sample_edges, within_window
 from edl_filter.telemetry.smoothing import batch_polynomial, differentiated_rates
@@ -290,7 +290,7 @@ def _common_forces(a: ImuRecord, b: ImuRecord, start: float, end: float) -> tupl
     coarse, selected = (a, inside[0]) if inside[0].sum() <= inside[1].sum() else (b, inside[1])
     ends = coarse.time[selected]
     means = [_mean_force(record, ends - coarse.interval[selected], ends) for record in (a, b)]
-    covered = np.isfinite(means[0]).all(axis=-1) & np.isfinite(means[1]).all(axis=-1)
+    covered = finite_rows(means[0]) & finite_rows(means[1])
     return means[0][covered], means[1][covered]
 
 
@@ -298,7 +298,7 @@ def _mean_force(record: ImuRecord, start: Array, end: Array) -> Array:
     """Mean forces (K, 3) between times, from the cumulative velocity; NaN where the record does not cover them."""
     knots = record.edges
     step = np.diff(knots)
-    measured = np.isfinite(record.specific_force).all(axis=-1) & (np.abs(step - record.interval) < SAME_TIME)
+    measured = finite_rows(record.specific_force) & (np.abs(step - record.interval) < SAME_TIME)
     velocity_increment = np.where(measured[:, None], record.specific_force * step[:, None], 0.0)
     velocity = np.vstack((np.zeros(3), np.cumsum(velocity_increment, axis=0)))
     missing_time = np.concatenate(([0.0], np.cumsum(np.where(measured, 0.0, step))))

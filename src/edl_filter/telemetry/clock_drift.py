@@ -14,8 +14,9 @@ from itertools import product
 
 import numpy as np
 
+from edl_filter.estimation.series import finite_rows
 from edl_filter.imu_model.lever_arm import mean_derivative
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
 from edl_filter.telemetry.resampling import covered, means_between, readings_integral
 from edl_filter.types import Array

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from edl_filter.estimation.interpolating_spline import DEGREE, PiecewiseSpline, piecewise_integral
+from edl_filter.estimation.series import finite_rows
 from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_weights, lever_arm_acceleration
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array, BoolArray
 
 #: Samples on each side of a gap that are not used: the reach of the interpolation.

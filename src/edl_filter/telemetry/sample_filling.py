@@ -24,9 +24,9 @@ import numpy as np
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.estimation.gauss_markov import estimate_in_stretch
-from edl_filter.estimation.series import runs
+from edl_filter.estimation.series import finite_rows, runs
 from edl_filter.telemetry.partial_readings import given_readings, keep_read_axes, lost_axis
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
 from edl_filter.types import Array, BoolArray, IntArray

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
-from edl_filter.estimation.series import interpolate_columns
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
 from edl_filter.telemetry.disagreement import TRIADS, disagreements
 from edl_filter.telemetry.record import (
@@ -29,7 +29,6 @@ from edl_filter.telemetry.record import (
     InitialState,
     SampleFinding,
     Telemetry,
-    finite_rows,
     within_window,
 )
 from edl_filter.telemetry.resampling import with_interpolation_noise

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from edl_filter.estimation.series import finite_rows
 from edl_filter.imu_model.lever_arm import EDGE_REACH, lever_arm_acceleration, mean_derivative
 from edl_filter.imu_model.sensor_errors import remove_errors
-from edl_filter.telemetry.record import ImuRecord, finite_rows
+from edl_filter.telemetry.record import ImuRecord
 from edl_filter.telemetry.relative_calibration import relative_calibration
 from edl_filter.telemetry.resampling import (
     angular_acceleration_error,
