@@ -199,7 +199,7 @@ def _remaining_difference(
     """
     own = record.specific_force if triad == "force" else record.angular_rate
     difference = own - getattr(source, triad)
-    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2) * float(np.median(record.interval[a:b]))
+    side = _side(a, b) * float(np.median(record.interval[a:b]))
     middle = record.middle
     near = (middle > middle[a] - side) & (middle < middle[b - 1] + side)
     near &= finite_rows(difference) & _same_kind(record, a)
@@ -341,9 +341,14 @@ def _shortening(record: ImuRecord, force: Array, rate_sigma: Array, filled: Bool
     return variance
 
 
+def _side(a: int, b: int) -> int:
+    """Number of samples on each side from which the stretch ``[a, b)`` is estimated."""
+    return max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
+
+
 def _neighbours(record: ImuRecord, a: int, b: int) -> tuple[BoolArray, int, int]:
     """Samples ``[first, last)`` about the stretch ``[a, b)``, and which of them are of its kind and regular."""
-    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
+    side = _side(a, b)
     first, last = max(0, a - side), min(len(record), b + side)
     interval = record.interval[a]
     regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval
