@@ -16,7 +16,7 @@ from edl_filter.navigation import initial
 from edl_filter.navigation.filter import Problem, run_filter
 from edl_filter.navigation.layout import ONBOARD, State
 from edl_filter.navigation.noise import process_noise
-from edl_filter.navigation.propagation import onboard_jacobians
+from edl_filter.navigation.propagation import OnboardRotations
 
 
 def product(p, q):
@@ -127,9 +127,9 @@ class PlainFilter:
             out = step(out, dt, undo @ (f - e["accelerometer_bias"]), scale * (w - e["gyro_bias"]), self.planet)
         if len(nav) == 10:
             return out
-        net, jacobians = self.onboard
-        correction = sum((j @ errors[self.layout[n]] for n, j in jacobians.items()), np.zeros(3))
-        return np.concatenate((out, product(product(nav[10:], net), exponential(correction))))
+        jacobians = self.onboard.jacobians
+        correction = sum((j[0] @ errors[self.layout[n]] for n, j in jacobians.items()), np.zeros(3))
+        return np.concatenate((out, product(product(nav[10:], self.onboard.net[0]), exponential(correction))))
 
     def fx(self, x, dt, samples, centre):
         """Error of one sigma point about the propagated reference."""
@@ -152,7 +152,7 @@ class PlainFilter:
 
     def predict(self, samples):
         """To the end of the samples."""
-        self.onboard = onboard_jacobians(self.layout, samples) if ONBOARD in self.layout else None
+        self.onboard = OnboardRotations.over_all(self.layout, samples) if ONBOARD in self.layout else None
         self.ukf.Q = process_noise(self.layout, samples, self.reference.nav[6:10])
         centre = self.propagated(self.reference.nav, self.reference.errors, samples)
         self.ukf.predict(samples=samples, centre=centre)

@@ -106,7 +106,6 @@ TESTS = {
     "navigation/trajectory.py": ("navigation/test_trajectory.py",),
     "navigation/estimator.py": ("navigation/test_estimator.py",),
     "navigation/propagation.py": ("navigation/test_propagation.py",),
-    "navigation/interval_noise.py": ("navigation/test_interval_noise.py",),
     "navigation/rotation_corrections.py": ("navigation/test_rotation_corrections.py",),
     "navigation/unresolved.py": ("navigation/test_unresolved.py",),
     "navigation/increments.py": ("navigation/test_increments.py",),

@@ -1,12 +1,20 @@
-"""Runs of a condition, against a loop over its values."""
+"""Runs, moving means and interpolation of series, against loops over their values."""
 
 from itertools import groupby
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.estimation.series import runs
+from edl_filter.estimation.series import finite_rows, interpolate_columns, moving_mean, runs
+
+
+def test_a_row_is_finite_where_all_its_numbers_are():
+    values = np.zeros((4, 2, 3))
+    values[1, 0, 2], values[3, 1, 1] = np.nan, -np.inf
+    np.testing.assert_array_equal(finite_rows(values), [True, False, True, False])
+    np.testing.assert_array_equal(finite_rows(values[:, 0]), [True, False, True, True])
 
 
 @given(st.lists(st.booleans(), max_size=20))
@@ -18,3 +26,30 @@ def test_runs_are_those_of_a_loop(values):
             expected.append((start, end))
         start = end
     assert runs(np.array(values, bool)) == expected
+
+
+def test_moving_means_are_those_of_a_loop():
+    """Of one reach, and of a reach for each row; at the ends of fewer rows."""
+    rng = np.random.default_rng(3)
+    values = rng.standard_normal((30, 2))
+    for reach in (4, rng.integers(0, 40, 30)):
+        reaches = np.broadcast_to(reach, 30)
+        expected = [values[max(i - r, 0) : i + r + 1].mean(axis=0) for i, r in enumerate(reaches)]
+        np.testing.assert_allclose(moving_mean(values, reach), expected, rtol=0, atol=1e-14)
+
+
+def test_moving_mean_keeps_the_sum_of_an_inner_value_and_shortens_at_the_ends():
+    x = np.zeros((30, 2))
+    x[15, 1] = 9.0
+    np.testing.assert_allclose(moving_mean(x, 4)[11:20], np.tile([0.0, 1.0], (9, 1)))
+    assert moving_mean(x, 4).sum() == pytest.approx(9.0)
+    assert moving_mean(np.arange(30.0)[:, None], 4)[0] == pytest.approx(2.0)
+
+
+def test_columns_are_interpolated_one_by_one_and_held_at_the_edges():
+    knots, values = np.array([0.0, 1.0, 3.0]), np.array([[0.0, 5.0], [2.0, 5.0], [4.0, 9.0]])
+    np.testing.assert_array_equal(
+        interpolate_columns([-1.0, 0.5, 2.0, 4.0], knots, values), [[0.0, 5.0], [1.0, 5.0], [3.0, 7.0], [4.0, 9.0]]
+    )
+    np.testing.assert_array_equal(interpolate_columns(2.0, knots, values), [3.0, 7.0])
+    assert interpolate_columns(np.zeros((4, 5)), knots, values).shape == (4, 5, 2)

@@ -1,15 +1,15 @@
-"""The compiled process noise against `noise`, which is its readable twin."""
+"""The compiled process noise and on-board rotation against readable twins."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import twins
 from compiled_cases import filled, uneven_samples
 
 from edl_filter import rotations
 from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples, onboard_rotation_jacobians
-from edl_filter.navigation.layout import Layout
-from edl_filter.navigation.noise import increment_variances, onboard_rotation, process_noise, sample_attitudes
+from edl_filter.navigation.noise import IDENTITY, increment_variances, sample_attitudes
 
 
 @pytest.mark.parametrize(("force", "rate"), [(0.0, 0.0), (0.3, 0.0), (0.0, 0.02), (0.3, 0.02)])
@@ -19,15 +19,24 @@ def test_noise_of_samples_is_that_of_the_reference(force, rate):
     s, attitude = filled(uneven_samples(random), random, force, rate), rotations.normalise(random.standard_normal(4))
     middle, end = sample_attitudes(s.interval, s.rate, attitude)
     own = np.sqrt(s.rate_noise**2 - s.shared_rate_noise**2)
+    force_noise = np.hypot(s.force_noise, s.force_fill_sigma)
     covariances = noise_of_samples(s.interval, middle, s.force, *increment_variances(s))
-    layout = Layout.of((), {})
     for covariance, rate_noise in zip(covariances, (s.rate_noise, own), strict=True):
-        expected = process_noise(layout, replace(s, rate_noise=rate_noise, shared_rate_noise=rate_noise), attitude)
+        rate_sigma = np.hypot(rate_noise, s.rate_fill_sigma)
+        expected = twins.process_noise(replace(s, force_noise=force_noise, rate_noise=rate_sigma), attitude)
         scale = np.sqrt(np.diag(expected))
         before = covariance.copy()
         turned = in_body_axes(covariance, end)
         np.testing.assert_allclose(turned / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-13)
         np.testing.assert_array_equal(covariance, before)
+
+
+def onboard_rotation(samples):
+    """Derivatives by rate and by mounting, as sums of matrices."""
+    middle, end = sample_attitudes(samples.interval, samples.rate, IDENTITY)
+    weight = np.where(samples.coning_corrected, 0.0, samples.interval)
+    to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle)) * weight[:, None, None]
+    return -to_end.sum(axis=0), np.einsum("nij,njk->ik", to_end, rotations.cross_matrix(samples.rate))
 
 
 def test_derivatives_of_the_onboard_rotation_are_those_of_the_reference():

@@ -18,14 +18,12 @@ from edl_filter import rotations
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
-from edl_filter.navigation.compiled_noise import in_body_axes, noise_of_samples
 from edl_filter.navigation.compiled_ukf import CompiledUKF, smooth_states
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
 from edl_filter.navigation.filter import Settings, build_problem, new_filter, run_filter
 from edl_filter.navigation.initial import EntryErrors
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.leave_one_out import check_constraints
-from edl_filter.navigation.noise import increment_variances, process_noise, sample_attitudes
 from edl_filter.navigation.recovery import first_pass, run_with_recovery
 from edl_filter.navigation.smoother import smooth
 from edl_filter.navigation.ukf import ErrorStateUKF
@@ -237,23 +235,6 @@ def test_recovery_is_the_same():
     assert recovery.size == expected.size and recovery.gain == pytest.approx(expected.gain, rel=1e-7)
     tolerance = max(TOLERANCE, 10.0 * own_rounding(changed, reference, first_pass))
     assert difference_of_passes(filter_pass, reference) < tolerance < 1e-5
-
-
-def test_process_noise_is_that_of_its_reference():
-    """With filled samples and an on-board attitude: the noise that a prediction adds, block by block."""
-    problem = next(p for p in map(random_problem, range(100)) if p.samples.filled.any() and p.entry.onboard_sigma)
-    s, attitude, layout = problem.samples, rotations.normalise([0.2, -0.1, 0.3, 0.9]), problem.layout
-    expected = process_noise(layout, s, attitude)
-    middle, end = sample_attitudes(s.interval, s.rate, attitude)
-    noise, unshared = noise_of_samples(s.interval, middle, s.force, *increment_variances(s))
-    scale = np.sqrt(np.diag(expected))
-    for block, rows in ((expected[:9, :9], noise), (expected[-3:, :9], unshared)):
-        ours = in_body_axes(rows, end)
-        ours = ours if len(block) == 9 else ours[6:]
-        np.testing.assert_allclose(
-            ours, block, atol=1e-12 * np.max(np.outer(scale[-len(block) :], scale[:9])), rtol=1e-9
-        )
-    assert layout.size == len(expected)
 
 
 def test_the_engine_is_that_of_the_settings():

@@ -22,9 +22,8 @@ from edl_filter.navigation import strapdown
 from edl_filter.navigation.ekf import DIFFERENCE_STEPS, propagate_with_transition
 from edl_filter.navigation.error_dynamics import gravity_gradient, propagate_linearized
 from edl_filter.navigation.filter import EntryErrors, Settings, build_problem
-from edl_filter.navigation.interval_noise import OnboardRotations
 from edl_filter.navigation.layout import State
-from edl_filter.navigation.propagation import propagate_states
+from edl_filter.navigation.propagation import OnboardRotations, propagate_states
 from edl_filter.planet import Planet
 from edl_filter.planet.gravity import gravity_vector
 from edl_filter.telemetry.record import InitialState

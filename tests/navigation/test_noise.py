@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import twins
+from compiled_cases import filled, uneven_samples
 
 from edl_filter import rotations
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import Layout, attitude_errors
-from edl_filter.navigation.noise import net_rotation, onboard_rotation, process_noise
+from edl_filter.navigation.noise import process_noise, process_noise_of_intervals
 
 RUNS = 4096
 BARE = Layout.of((SensorErrors(),), {})
@@ -58,13 +59,32 @@ def whitened(sample, expected):
 
 
 def test_equals_a_recursion_forwards():
+    """With an on-board attitude, which has the part of the rate noise that it does not share."""
     s, attitude = problem()
-    covariance = process_noise(BARE, s, attitude)
-    expected = twins.process_noise(s, attitude)
+    s = replace(s, shared_rate_noise=np.linspace(0.0, 1.0, len(s.time))[:, None] * s.rate_noise)
+    unshared = np.sqrt(s.rate_noise**2 - s.shared_rate_noise**2)
+    common = twins.process_noise(replace(s, force_noise=np.zeros_like(unshared), rate_noise=unshared), attitude)
+    expected = np.zeros((12, 12))
+    expected[:9, :9] = twins.process_noise(s, attitude)
+    expected[9:, :9], expected[:9, 9:], expected[9:, 9:] = common[6:], common[:, 6:], common[6:, 6:]
     scale = np.sqrt(np.diag(expected))
-    np.testing.assert_allclose(
-        covariance / np.outer(scale, scale), expected / np.outer(scale, scale), rtol=0, atol=1e-12
-    )
+    for layout in (BARE, ONBOARD):
+        block, sigma = expected[: layout.size, : layout.size], scale[: layout.size]
+        noise = process_noise(layout, s, attitude)
+        np.testing.assert_allclose(noise / np.outer(sigma, sigma), block / np.outer(sigma, sigma), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("layout", [BARE, ONBOARD])
+def test_noise_of_each_interval_is_that_of_its_samples(layout):
+    """Intervals of different length, one of them without samples; samples of all kinds."""
+    rng = np.random.default_rng(4)
+    s = filled(uneven_samples(rng, 60), rng, 0.3, 0.02)
+    begins, ends = np.array([0, 4, 4, 5, 31]), np.array([4, 4, 5, 31, 60])
+    attitudes = rotations.normalise(rng.standard_normal((len(begins), 4)))
+    noise = process_noise_of_intervals(layout, s, attitudes, begins, ends)
+    assert not noise[1].any()
+    for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        np.testing.assert_array_equal(noise[k], process_noise(layout, s.part(begin, end), attitudes[k]))
 
 
 @pytest.mark.parametrize("count", [8, 40])
@@ -121,36 +141,6 @@ def test_splitting_a_sample_changes_its_noise_to_second_order_only():
     uncut_noise = process_noise(BARE, s, attitude)
     parts = process_noise(BARE, cut, attitude)
     assert np.max(np.abs(whitened(parts, uncut_noise) - np.eye(9))) < 0.02
-
-
-def test_net_turn_is_the_product_of_the_samples_turns():
-    s, _ = problem(10, seed=4)
-    q = np.array([0, 0, 0, 1.0])
-    for dt, w in zip(s.interval, s.rate, strict=True):
-        q = rotations.multiply(q, rotations.from_rotation_vector(dt * w))
-    np.testing.assert_allclose(net_rotation(s), q, atol=1e-13)
-
-
-def test_net_turn_of_nothing_is_none():
-    s = twins.samples(np.ones(3), np.zeros((3, 3)), np.zeros((3, 3)))
-    np.testing.assert_array_equal(net_rotation(s), [0, 0, 0, 1])
-
-
-def test_an_attitude_computed_with_other_rates_and_mounting_turns_as_predicted():
-    """Against the same samples integrated with ``ω + ω × m - b``; net turns gain nothing."""
-    rng = np.random.default_rng(11)
-    n, dt = 80, 0.125
-    time = dt * np.arange(1, n + 1)
-    rate = np.stack((0.2 + 0.02 * np.sin(time), 0.1 * np.cos(0.7 * time), 0.1 * np.sin(0.7 * time)), axis=1)
-    samples = twins.samples(np.full(n, dt), np.zeros((n, 3)), rate)
-    b, m = 1e-6 * rng.standard_normal(3), 5e-5 * rng.standard_normal(3)
-    onboard = replace(samples, onboard_rate=rate + np.cross(rate, m) - b)
-    miss = rotations.multiply(rotations.conjugate(net_rotation(samples)), net_rotation(onboard))
-    per_rate, per_mounting = onboard_rotation(samples)
-    turn = rotations.to_rotation_vector(miss)
-    np.testing.assert_allclose(per_rate @ b + per_mounting @ m, turn, atol=3e-4 * np.linalg.norm(turn))
-    for effect in onboard_rotation(replace(samples, coning_corrected=np.ones(n, bool))):
-        assert not np.any(effect)
 
 
 def test_filled_samples_add_the_noise_of_their_sigmas():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from edl_filter import rotations
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.layout import Layout
-from edl_filter.navigation.propagation import onboard_steps, propagate_states
+from edl_filter.navigation.propagation import OnboardRotations, propagate_states
 
 MARS, LANES = twins.MARS, strapdown.LANES
 #: Every sensor error, and all errors of an attitude that is computed on board.
@@ -77,7 +77,52 @@ def test_an_attitude_computed_on_board_turns_as_the_sum_over_the_samples(seed, c
     errors = 0.03 * rng.standard_normal((LAYOUT.size, 3))
     samples = random_samples(rng, count)
     attitude = rotations.normalise(rng.standard_normal(4))
-    net, correction = onboard_steps(LAYOUT, samples, errors)
+    onboard = OnboardRotations.over_all(LAYOUT, samples)
+    corrections = onboard.corrections(LAYOUT, errors)
     for s in range(3):
-        end = rotations.multiply(rotations.multiply(attitude, net), correction[s])
+        end = rotations.multiply(rotations.multiply(attitude, onboard.net[0]), corrections[0, s])
         np.testing.assert_allclose(end, onboard_attitude(samples, errors[:, s], attitude), atol=1e-13)
+
+
+def test_an_attitude_computed_with_other_rates_and_mounting_turns_as_predicted():
+    """Against the same samples integrated with ``ω + ω × m - b``; net turns gain nothing."""
+    rng = np.random.default_rng(11)
+    n, dt = 80, 0.125
+    time = dt * np.arange(1, n + 1)
+    rate = np.stack((0.2 + 0.02 * np.sin(time), 0.1 * np.cos(0.7 * time), 0.1 * np.sin(0.7 * time)), axis=1)
+    samples = twins.samples(np.full(n, dt), np.zeros((n, 3)), rate)
+    b, m = 1e-6 * rng.standard_normal(3), 5e-5 * rng.standard_normal(3)
+    other = replace(samples, onboard_rate=rate + np.cross(rate, m) - b)
+    nominal, changed = (OnboardRotations.over_all(LAYOUT, s) for s in (samples, other))
+    miss = rotations.multiply(rotations.conjugate(nominal.net[0]), changed.net[0])
+    turn = rotations.to_rotation_vector(miss)
+    predicted = nominal.jacobians["onboard_rate"][0] @ b + nominal.jacobians["onboard_mounting"][0] @ m
+    np.testing.assert_allclose(predicted, turn, atol=3e-4 * np.linalg.norm(turn))
+    corrected = OnboardRotations.over_all(LAYOUT, replace(samples, coning_corrected=np.ones(n, bool)))
+    assert not any(jacobian.any() for jacobian in corrected.jacobians.values())
+
+
+def test_net_turn_of_samples_at_rest_is_none():
+    s = twins.samples(np.ones(3), np.zeros((3, 3)), np.zeros((3, 3)))
+    np.testing.assert_array_equal(OnboardRotations.over_all(LAYOUT, s).net, [[0, 0, 0, 1]])
+
+
+def test_onboard_turns_of_each_interval_are_those_of_its_samples():
+    """Intervals of different length, one of them without samples; on-board rates that differ from the samples'."""
+    rng = np.random.default_rng(5)
+    samples = random_samples(rng, 60)
+    samples = replace(samples, onboard_rate=samples.rate + 0.05 * rng.standard_normal((60, 3)))
+    begins, ends = np.array([0, 4, 4, 5, 31]), np.array([4, 4, 5, 31, 60])
+    turns = OnboardRotations.over(LAYOUT, samples, begins, ends)
+    for k, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        alone = OnboardRotations.over_all(LAYOUT, samples.part(begin, end))
+        np.testing.assert_array_equal(turns.net[k], alone.net[0])
+        for name, jacobian in turns.jacobians.items():
+            np.testing.assert_array_equal(jacobian[k], alone.jacobians[name][0])
+
+
+def test_a_layout_without_onboard_states_has_no_corrections():
+    layout = Layout.of((twins.ALL,), {})
+    turns = OnboardRotations.over_all(layout, random_samples(np.random.default_rng(3), 10))
+    assert not turns.jacobians
+    np.testing.assert_array_equal(turns.corrections(layout, np.ones((layout.size, 2))), [[[0.0, 0.0, 0.0, 1.0]] * 2])

@@ -11,7 +11,6 @@ from edl_filter.navigation.unresolved import (
     intensity_sigma,
     moment_covariance,
     moment_weights,
-    moving_mean,
     second_difference,
     unresolved_motion,
 )
@@ -159,11 +158,3 @@ def test_short_records_have_no_noise_from_splines():
     edges = 0.1 * np.arange(4)
     assert not intensity_sigma(edges, interval, np.random.default_rng(0).standard_normal((3, 3)), 2).any()
     assert integral_spline(edges, interval, np.ones((3, 1))).degree == 3
-
-
-def test_moving_mean_keeps_the_sum_of_an_inner_value_and_shortens_at_the_ends():
-    x = np.zeros((30, 2))
-    x[15, 1] = 9.0
-    np.testing.assert_allclose(moving_mean(x)[11:20], np.tile([0.0, 1.0], (9, 1)))
-    assert moving_mean(x).sum() == pytest.approx(9.0)
-    assert moving_mean(np.arange(30.0)[:, None])[0] == pytest.approx(2.0)

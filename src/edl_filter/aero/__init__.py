@@ -25,10 +25,10 @@ Read in this order
     body ─► free_molecular ───────────┤ rarefied │        └─► planes (CN, CY, Cm, Cn)
             └─► transition ───────────┘          └─► inverse (alpha from CN or Cm)
 
-    `regimes` (limits of the flow regimes), `tables` (CSV) and `grid` (one table, with `pchip` for monotone
-    interpolation), `surrogate` (33 × 9 numbers); `body` (forebody), `newtonian`, `base_pressure`, `free_molecular`,
-    `transition` (from the continuum to free molecules); `uncertainty` (3 sigma), `discrepancy` (the error as a random
-    field), `increments`, `increments_file` and `increment_tables` (corrections of the tables by a flight); `database`
-    (all of it); `planes` (components in the pitch and yaw planes), `inverse`; `damping` (table of pitch and yaw
-    damping, which is not part of the database).
+    `conventions` (reference area, angles of the flow), `regimes` (limits of the flow regimes), `tables` (CSV) and
+    `grid` (one table, with `pchip` for monotone interpolation), `surrogate` (33 × 9 numbers); `body` (forebody),
+    `newtonian`, `base_pressure`, `free_molecular`, `transition` (from the continuum to free molecules); `uncertainty`
+    (3 sigma), `discrepancy` (the error as a random field), `increments`, `increments_file` and `increment_tables`
+    (corrections of the tables by a flight); `database` (all of it); `planes` (components in the pitch and yaw planes),
+    `inverse`; `damping` (table of pitch and yaw damping, which is not part of the database).
 """

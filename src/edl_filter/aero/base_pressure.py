@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.aero.grid import GridTable
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.types import Array
 
 #: a0 to a3 of eq. 11.3.
@@ -76,7 +77,7 @@ def with_base_pressure(table: GridTable) -> GridTable:
     nodes = np.unique(np.concatenate((table.nodes, added[(added > first) & (added < last)])))
 
     def at_nodes(values: Array) -> Array:
-        return np.stack([np.interp(nodes, table.nodes, column) for column in values.T], axis=1)
+        return interpolate_columns(nodes, table.nodes, values)
 
     ca = add_base_pressure(at_nodes(table.CA), nodes[:, None])
     source = f"{table.source}, base pressure by eq. 11.4"

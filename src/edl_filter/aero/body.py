@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from edl_filter.aero.conventions import reference_area
 from edl_filter.errors import InputError
 from edl_filter.io.csv_table import package_data, read_records
 from edl_filter.types import Array
@@ -120,7 +121,7 @@ class SphereCone:
     @property
     def reference_area(self) -> float:
         """Reference area π D²/4, m²."""
-        return math.pi * self.diameter**2 / 4.0
+        return reference_area(self.diameter)
 
     @property
     def length(self) -> float:

@@ -31,6 +31,7 @@ import numpy as np
 
 from edl_filter.estimation.matern import matern32_correlation
 from edl_filter.estimation.random_fields import squared_exponential_correlation
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.types import Array, BoolArray
 
 #: Coefficients with a field over Mach number and angle.
@@ -220,10 +221,9 @@ def _low_rank(x: Array, correlation: Callable[[Array], Array]) -> Array:
 
 def _linear_between(grid: Array, values: Array, angles: Array) -> Array:
     """Functions tabulated on a grid ``(A, J)``, made linear between some angles; unchanged if there are none."""
-    if not len(angles):
+    if not len(angles) or not values.shape[1]:
         return values
-    at_angles = [np.interp(angles, grid, v) for v in values.T]
-    return np.stack([np.interp(grid, angles, v) for v in at_angles], axis=1) if at_angles else values
+    return interpolate_columns(grid, angles, interpolate_columns(angles, grid, values))
 
 
 @dataclass(frozen=True)

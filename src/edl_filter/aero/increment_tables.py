@@ -143,21 +143,26 @@ def _interpolation_variance(place: Array, step: float) -> Array:
     at_knot, low, high = (
         matern32_correlation(np.asarray(d))[..., 0] for d in (step, step * fraction, step * (1.0 - fraction))
     )
-    rest = 1.0 - fraction
-    variance = 1.0 + rest**2 + fraction**2 + 2.0 * fraction * rest * at_knot - 2.0 * (rest * low + fraction * high)
-    return np.asarray(np.maximum(variance, 0.0))
+    return _variance_after_interpolation(fraction, at_knot, low, high)
 
 
 def _angle_variance(prior: DiscrepancyPrior, knots: Array, angle: Array) -> Array:
     """Variance of the field over the angle less its linear interpolation between knots."""
     lower = np.minimum(np.searchsorted(knots, angle, side="right") - 1, len(knots) - 2)
     step = knots[lower + 1] - knots[lower]
-    high = (angle - knots[lower]) / step
-    low = 1.0 - high
     at_knot, to_low, to_high = (
         squared_exponential_correlation(d / prior.angle_length)
         for d in (step, angle - knots[lower], knots[lower + 1] - angle)
     )
+    return _variance_after_interpolation((angle - knots[lower]) / step, at_knot, to_low, to_high)
+
+
+def _variance_after_interpolation(high: Array, at_knot: Array, to_low: Array, to_high: Array) -> Array:
+    """Variance of a process of unit variance less its linear interpolation between two knots.
+
+    `high` is the weight of the upper knot; the others are the correlations between the knots and with each of them.
+    """
+    low = 1.0 - high
     variance = 1.0 + low**2 + high**2 + 2.0 * low * high * at_knot - 2.0 * (low * to_low + high * to_high)
     return np.asarray(np.maximum(variance, 0.0))
 

@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.conventions import reference_area, total_angle
 from edl_filter.aero.damping import Damping
 from edl_filter.aero.database import Database
 from edl_filter.aero.planes import moments_at_cm, split
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import Perturbation
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
-from edl_filter.planet import Planet, ellipsoid
+from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.planet.gas import Gas
 from edl_filter.types import Array, BoolArray
@@ -209,7 +210,7 @@ class ForwardModel:
     @property
     def area(self) -> float:
         """Reference area, m²."""
-        return np.pi / 4.0 * self.diameter**2
+        return reference_area(self.diameter)
 
     @property
     def gravity_planet(self) -> Planet:
@@ -326,13 +327,12 @@ class ForwardModel:
         """
         planet = self.planet
         latitude, longitude, altitude = planet.geodetic(time, position)
-        enu = ellipsoid.enu_from_fixed(latitude, longitude + planet.rotation.angle(time))
-        spin = np.array([0.0, 0.0, compose_air_rotation(planet, self.effects).rotation_rate])
+        enu = planet.enu_at(time, latitude, longitude)
         density, wind = self.air_at(altitude)
         if self.perturbation is not None:
             wind, density = self.perturbation.perturb_wind(time, wind), self.perturbation.perturb_density(time, density)
-        wind_inertial = np.einsum("nji,nj->ni", enu[:, :2], wind)
-        air = velocity - np.cross(spin, position) - wind_inertial
+        air_planet = compose_air_rotation(planet, self.effects)
+        air = air_planet.velocity_relative(position, velocity) - np.einsum("nji,nj->ni", enu[:, :2], wind)
         body = rotations.rotate(rotations.conjugate(inertial_from_body), air)
         speed = np.linalg.norm(air, axis=1)
         return FlightCondition(
@@ -345,7 +345,7 @@ class ForwardModel:
             mach=speed / self.atmosphere.speed_of_sound(altitude),
             knudsen=self.gas.knudsen(density, self.diameter),
             dynamic_pressure=0.5 * density * speed**2,
-            alpha_total=np.arctan2(np.hypot(body[:, 1], body[:, 2]), body[:, 0]),
+            alpha_total=total_angle(body),
             diameter=self.diameter,
         )
 

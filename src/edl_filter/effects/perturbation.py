@@ -13,6 +13,7 @@ import numpy as np
 
 from edl_filter.aero.discrepancy import ASYMMETRIES, FIELD_COEFFICIENTS, AngleModes
 from edl_filter.effects.types import AeroCoefficients, Body, FlightCondition
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.types import Array
 
 
@@ -203,7 +204,7 @@ class Perturbation:
         (N, 2) array
             m/s.
         """
-        return wind + np.column_stack([np.interp(time, self.time, w) for w in self.wind.T])
+        return wind + interpolate_columns(time, self.time, self.wind)
 
     def perturb_coefficients(self, flow: FlightCondition, totals: AeroCoefficients) -> AeroCoefficients:
         """Total coefficients with the perturbation.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from edl_filter.aero.conventions import reference_area
 from edl_filter.types import Array
 
 
@@ -46,7 +47,7 @@ class FlightCondition:
     @property
     def area(self) -> float:
         """Reference area, m²."""
-        return np.pi / 4.0 * self.diameter**2
+        return reference_area(self.diameter)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ Kalman update), `smoothing` (backward recursions: smoothed states, their covaria
 residuals), `matern` (Matérn processes in state-space form), `regression` (Bayesian linear regression on white rows),
 `autoregression` (interpolation of a missing stretch of a series, with its covariance), `gauss_markov` (a Gauss-Markov
 process in white noise, in a stretch without observations), `interpolating_spline` (spline through values, or through
-the integral of a series), `series` (runs of a condition), `small_matrices` (algebra for compiled loops),
-`random_fields` (correlation and realisations of smooth Gaussian processes), `parallel` (threads for compiled loops).
+the integral of a series), `series` (finite rows, runs of a condition, moving means, interpolation of columns),
+`small_matrices` (algebra for compiled loops), `random_fields` (correlation and realisations of smooth Gaussian
+processes), `parallel` (threads for compiled loops).
 
 References: Särkkä, Bayesian Filtering and Smoothing (2013); Durbin and Koopman, Time Series Analysis by State Space
 Methods (2012); Gelman et al., Bayesian Data Analysis (2013).

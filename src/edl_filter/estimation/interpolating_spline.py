@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from edl_filter.types import Array, BoolArray, IntArray
+from edl_filter.estimation.series import finite_rows
+from edl_filter.types import Array, IntArray
 
 #: Degree of splines through integrals.
 DEGREE = 5
@@ -175,7 +176,7 @@ def piecewise_integral(edges: Array, interval: Array, mean: Array, degree: int =
     PiecewiseSpline
         Of the integral ``(m,)`` since the begin of each run. Differences across an unknown interval have no meaning.
     """
-    known: BoolArray = np.asarray(np.isfinite(mean).all(axis=1), np.bool_)
+    known = finite_rows(mean)
     begins = np.concatenate(([0], 1 + np.flatnonzero(np.diff(known))))
     pieces = [
         integral_spline(edges[i : j + 1], interval[i:j], mean[i:j], degree) if known[i] else None

@@ -122,6 +122,24 @@ def edge_values(interval: Array, mean: Array, parted: BoolArray | None = None) -
     return _edges(interval, np.ascontiguousarray(mean), changes, _EDGE)
 
 
+def mean_derivative(interval: Array, mean: Array) -> Array:
+    """Mean time derivative over each of N adjoining intervals, from `edge_values`.
+
+    Parameters
+    ----------
+    interval : (N,) array
+        s.
+    mean : (N, 3) array
+        Mean over each interval, of any unit.
+
+    Returns
+    -------
+    (N, 3) array
+        In the unit of `mean` per s.
+    """
+    return np.diff(edge_values(interval, mean), axis=0) / interval[:, None]
+
+
 def edge_weights(pairs: int) -> tuple[float, ...]:
     """Weights of the pairs of means around an edge, nearest first, for the order twice their number."""
     k = pairs

@@ -1,15 +1,18 @@
-"""Pydantic's errors as one message for the user: file, key, what was found, what is expected."""
+"""Data of a file as a model, and its errors as one message: file, key, what was found, what is expected."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from edl_filter.errors import InputError
 from edl_filter.mission.validators import value_text
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
 
 _EXPECTED = {
     "bool_type": "true or false",
@@ -21,6 +24,38 @@ _EXPECTED = {
     "string_type": "text",
     "tuple_type": "a list",
 }
+
+
+def validated(model: type[ModelT], data: Any, label: str, changed: Sequence[str] = ()) -> ModelT:
+    """Model of the data of a file.
+
+    Parameters
+    ----------
+    model : type
+        Model of the whole file.
+    data : Any
+        Plain data in the file's form.
+    label, changed
+        As in `error_message`.
+
+    Raises
+    ------
+    InputError
+        The data is no mapping, or a key is unknown, missing or wrong.
+    """
+    check_mapping(model, data, label)
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise InputError(error_message(error, model, label, changed)) from None
+
+
+def check_mapping(model: type[BaseModel], data: Any, label: str) -> None:
+    """Raise InputError, which begins with `label`, if the data of a file of a `model` is no mapping of keys."""
+    if not isinstance(data, dict):
+        actual = {list: "a list", type(None): "nothing"}.get(type(data), value_text(data))
+        example = f"name: my_{model.__name__.lower()}"
+        raise InputError(f"{label}: found {actual}; expected a mapping of keys, such as '{example}'.")
 
 
 @cache

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from edl_filter.display import render
 from edl_filter.errors import InputError
@@ -15,14 +15,14 @@ from edl_filter.mission.aerodynamics import AerodynamicsConfig, PostflightConfig
 from edl_filter.mission.cross_checks import event_times, section_errors
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.mission.effects import Effects, effect_instances
-from edl_filter.mission.error_messages import error_message
+from edl_filter.mission.error_messages import validated
 from edl_filter.mission.estimation import ConstraintsConfig, FilterConfig, InitialStateConfig, OutputsConfig
 from edl_filter.mission.fields import Section
 from edl_filter.mission.measurements import MerImuConfig, PhoenixPdsConfig, SampleChecksConfig, TelemetryConfig
 from edl_filter.mission.shipped import BUILTIN, shipped_data, shipped_mission
 from edl_filter.mission.validators import value_text
 from edl_filter.mission.world import AtmosphereConfig, EventConfig, PlanetConfig, VehicleConfig
-from edl_filter.mission.yaml_text import flow_text, parse, parse_override, read_text, set_key
+from edl_filter.mission.yaml_text import apply_overrides, flow_text, parse, read_text
 
 if TYPE_CHECKING:
     from edl_filter.effects.base import EffectInstance
@@ -136,12 +136,8 @@ class Mission(Section):
         InputError
             As `load`.
         """
-        text, changed = apply_overrides(text, label, overrides)
-        data = mission_data(text, label)
-        try:
-            mission = cls.model_validate(data)
-        except ValidationError as error:
-            raise InputError(error_message(error, cls, label, changed)) from None
+        text, changed = apply_overrides(text, label, overrides, PATH_KEYS)
+        mission = validated(cls, parse(text, label), label, changed)
         mission._text, mission._source = text, source
         return mission
 
@@ -306,30 +302,6 @@ def mission_file(path: str | Path) -> Path:
     return shipped_mission(label[len(BUILTIN) :]) if label.startswith(BUILTIN) else Path(path)
 
 
-def apply_overrides(text: str, label: str, overrides: Sequence[str]) -> tuple[str, list[str]]:
-    """Return a mission's text after ``KEY=VALUE`` changes, and the dotted keys that were changed."""
-    changed = []
-    for override in overrides:
-        key, value = parse_override(override, PATH_KEYS)
-        text = set_key(text, key, value, label)
-        changed.append(key)
-    return text, changed
-
-
-def mission_data(text: str, label: str) -> dict[str, Any]:
-    """Return the data of a mission's text.
-
-    Raises
-    ------
-    InputError
-        It is not YAML, or no mapping of keys.
-    """
-    data = parse(text, label)
-    if not isinstance(data, dict):
-        raise InputError(f"{label}: found {_type_text(data)}; expected a mapping of keys, such as 'name: my_mission'.")
-    return data
-
-
 def existing_path(reference: str, key: str, source: Path | None, label: str, folders: bool = False) -> Path:
     """Path of a file that a mission names.
 
@@ -400,7 +372,3 @@ def require_prediction_inputs(mission: Mission, label: str | None = None) -> Non
 def _as_json(value: Any) -> Any:
     """Arrays and paths in the data of `Mission.from_dict` as JSON values."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
-def _type_text(data: Any) -> str:
-    return {list: "a list", type(None): "nothing"}.get(type(data), value_text(data))

@@ -14,17 +14,10 @@ from pydantic import ValidationError, create_model
 
 from edl_filter.errors import InputError
 from edl_filter.mission.cross_checks import section_errors
-from edl_filter.mission.error_messages import problem_message
-from edl_filter.mission.mission import (
-    PATH_KEYS,
-    Mission,
-    apply_overrides,
-    existing_path,
-    mission_data,
-    mission_file,
-)
+from edl_filter.mission.error_messages import check_mapping, problem_message
+from edl_filter.mission.mission import PATH_KEYS, Mission, existing_path, mission_file
 from edl_filter.mission.shipped import BUILTIN
-from edl_filter.mission.yaml_text import read_text
+from edl_filter.mission.yaml_text import apply_overrides, parse, read_text
 
 
 def mission_problems(path: str | Path, overrides: Sequence[str] = ()) -> list[str]:
@@ -43,8 +36,9 @@ def mission_problems(path: str | Path, overrides: Sequence[str] = ()) -> list[st
     label = str(path)
     try:
         file = mission_file(path)
-        text, changed = apply_overrides(read_text(file), label, overrides)
-        data = mission_data(text, label)
+        text, changed = apply_overrides(read_text(file), label, overrides, PATH_KEYS)
+        data = parse(text, label)
+        check_mapping(Mission, data, label)
     except InputError as error:  # without data there is nothing else to check
         return [str(error)]
     messages, wrong_sections = _validation_problems(data, label, changed)

@@ -1,4 +1,4 @@
-"""Missions and data that the package ships, named ``builtin:NAME``."""
+"""Missions, scenarios and data that the package ships, named ``builtin:NAME``."""
 
 from __future__ import annotations
 
@@ -43,6 +43,20 @@ def shipped_mission(name: str) -> Path:
 def shipped_names() -> list[str]:
     """Names of the missions that the package ships."""
     return sorted({path.stem for folder in _mission_folders() for path in folder.glob("*.yaml")})
+
+
+def shipped_scenario(name: str) -> Path:
+    """Path of the scenario file that the package ships as `name`.
+
+    Raises
+    ------
+    InputError
+        The package ships no scenario of that name.
+    """
+    for folder in _mission_folders():
+        if (path := folder / "scenarios" / f"{name}.yaml").is_file():
+            return path
+    raise InputError(f"{BUILTIN}{name}: found no such scenario; expected one of {', '.join(shipped_scenarios())}.")
 
 
 def shipped_scenarios() -> list[str]:

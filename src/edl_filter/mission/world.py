@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, Tag, model_validator
 
+from edl_filter.aero.conventions import reference_area
 from edl_filter.mission.fields import (
     DEG,
     DEGREE_RATES,
@@ -296,5 +296,5 @@ class VehicleConfig(Section):
 
     @property
     def reference_area(self) -> float:
-        """Pi D² / 4, m²."""
-        return math.pi / 4.0 * self.diameter**2
+        """Reference area, m²."""
+        return reference_area(self.diameter)

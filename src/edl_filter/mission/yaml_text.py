@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +163,30 @@ def _with_absolute_paths(key: str, value: Any, path_keys: tuple[str, ...]) -> An
         return [_with_absolute_paths(f"{key}.{i}", v, path_keys) for i, v in enumerate(value)]
     is_path = isinstance(value, str) and re.sub(r"\.\d+(?=\.|$)", ".*", key) in path_keys
     return str(Path(value).expanduser().absolute()) if is_path and not value.startswith(BUILTIN) else value
+
+
+def apply_overrides(
+    text: str, label: str, overrides: Sequence[str], path_keys: tuple[str, ...] = ()
+) -> tuple[str, list[str]]:
+    """Return a file's text after ``KEY=VALUE`` changes, and the dotted keys that were changed.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    label : str
+        Name of the file in error messages.
+    overrides : sequence of str
+        ``KEY=VALUE`` each.
+    path_keys : tuple of str
+        As in `parse_override`.
+    """
+    changed = []
+    for override in overrides:
+        key, value = parse_override(override, path_keys)
+        text = set_key(text, key, value, label)
+        changed.append(key)
+    return text, changed
 
 
 def set_key(text: str, key: str, value: Any, label: str = "mission") -> str:

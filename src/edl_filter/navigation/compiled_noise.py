@@ -1,8 +1,10 @@
-"""Compiled process noise of an interval: the twin of `noise` for `compiled_ukf`.
+"""Process noise of an interval, and derivatives of the attitude that was computed on board; compiled.
 
-A rotation error ψ turns all force that follows in the interval: it adds ``ψ × p`` to the position and ``ψ × v`` to the
-velocity, with the path p and the velocity v that the force gives from there to the end. With the covariance W of ψ, the
-blocks of the covariance are ``[p]ₓ W [p]ₓᵀ``, ``[p]ₓ W [v]ₓᵀ`` and so on.
+The attitude error is expressed in inertial axes, where it is constant, until `in_body_axes`. A sample's force noise
+adds to velocity at once and to position over the remaining time. A rotation error ψ turns all force that follows in the
+interval: it adds ``ψ × p`` to the position and ``ψ × v`` to the velocity, with the path p and the velocity v that the
+force gives from there to the end. With the covariance W of ψ, the blocks of the covariance are ``[p]ₓ W [p]ₓᵀ``,
+``[p]ₓ W [v]ₓᵀ`` and so on. Gravity's gradient over one interval (1e-6 s⁻² over seconds) is neglected.
 """
 
 import numpy as np
@@ -16,8 +18,6 @@ COMPILED = njit(cache=True, error_model="numpy", nogil=True)
 @COMPILED
 def noise_of_samples(interval, middle, force, velocity_variance, rotation_variance, unshared_variance):
     """Covariances of position (m), velocity (m/s) and attitude error (rad) by the noise of samples, inertial axes.
-
-    As `noise.process_noise` before the rotation to body axes.
 
     Parameters
     ----------
@@ -159,7 +159,12 @@ def in_body_axes(cov, end):
 
 @COMPILED
 def onboard_rotation_jacobians(interval, rate, coning_corrected, middle, end):
-    """Derivatives of the rotation computed on board, as `noise.onboard_rotation`.
+    """Derivatives of the rotation that is computed on board with other rates and another mounting than the samples'.
+
+    On board ``ω + ω × m - b`` is integrated where the samples read ω, with a mounting that differs by the small
+    rotation m and a rate correction b. This holds only where gyros were read: a rate that is coning-corrected was taken
+    from the on-board attitude. With C from the axes of each sample to those of the end, the derivative by b is minus
+    the integral of C, and that by m the integral of C [ω]ₓ.
 
     Parameters
     ----------

@@ -167,21 +167,25 @@ class DynamicPressure:
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """``ρ V² / 2`` of the air-relative velocity, Pa."""
-        altitude, velocity, _ = velocity_in_air(self.planet, self.atmosphere, self.time, nav)
+        altitude, velocity, _ = local_velocity(self.planet, self.time, nav, self.atmosphere)
         return 0.5 * (self.atmosphere.density(altitude) * np.sum(velocity**2, axis=1))[:, None]
 
 
-def velocity_in_air(planet: Planet, atmosphere: Atmosphere, time: float, nav: Array) -> tuple[Array, Array, Array]:
-    """Altitude and velocity relative to the air of many states.
+def local_velocity(
+    planet: Planet, time: float, nav: Array, atmosphere: Atmosphere | None = None
+) -> tuple[Array, Array, Array]:
+    """Altitude and velocity of many states relative to the air, or to the rotating planet.
 
     Parameters
     ----------
-    planet, atmosphere : Planet, Atmosphere
-        The planet whose rotation the air follows; the wind in addition.
+    planet : Planet
+        Shape, and the rotation that the air follows.
     time : float
         s.
     nav : (10 or 14, S) array
         As `State.nav`.
+    atmosphere : Atmosphere, optional
+        With the wind; None: the velocity is relative to the planet.
 
     Returns
     -------
@@ -193,10 +197,11 @@ def velocity_in_air(planet: Planet, atmosphere: Atmosphere, time: float, nav: Ar
         Rows: the local axes in inertial ones.
     """
     position = nav[:3].T
-    _, _, altitude = planet.geodetic(time, position)
-    enu = planet.enu_from_inertial(time, position)
+    latitude, longitude, altitude = planet.geodetic(time, position)
+    enu = planet.enu_at(time, latitude, longitude)
     velocity = np.einsum("sij,sj->si", enu, planet.velocity_relative(position, nav[3:6].T))
-    velocity[:, :2] -= atmosphere.wind_at(altitude)
+    if atmosphere is not None:
+        velocity[:, :2] -= atmosphere.wind_at(altitude)
     return altitude, velocity, enu
 
 
@@ -230,10 +235,7 @@ class SteadyDescent:
 
     def predict(self, nav: Array, errors: Array, layout: Layout) -> Array:
         """Ground-relative velocity to east and north (m/s), and the rate of descent over ``sqrt(2 q / ρ)``."""
-        position = nav[:3].T
-        enu = self.planet.enu_from_inertial(self.time, position)
-        velocity = np.einsum("sij,sj->si", enu, self.planet.velocity_relative(position, nav[3:6].T))
-        _, _, altitude = self.planet.geodetic(self.time, position)
+        altitude, velocity, _ = local_velocity(self.planet, self.time, nav)
         terminal = np.sqrt(2.0 * self.dynamic_pressure / self.atmosphere.density(altitude))
         velocity[:, 2] /= -terminal
         return velocity

@@ -21,7 +21,7 @@ from edl_filter.navigation.estimator import Innovation, Transition
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout, State, sensor_maps
 from edl_filter.navigation.noise import process_noise
-from edl_filter.navigation.propagation import onboard_jacobians
+from edl_filter.navigation.propagation import OnboardRotations
 from edl_filter.planet import Planet
 from edl_filter.types import Array
 
@@ -148,15 +148,13 @@ def propagate_with_transition(layout: Layout, planet: Planet, samples: Samples, 
 
 def _onboard_transition(layout: Layout, samples: Samples, state: State) -> tuple[Array, Array]:
     """Attitude computed on board after `samples`, and the rows (3, n) of the transition that belong to its error."""
-    net, jacobians = onboard_jacobians(layout, samples)
-    correction = np.zeros(3)
-    for name, jacobian in jacobians.items():
-        correction = correction + jacobian @ state.errors[layout[name]]
-    turn = rotations.multiply(net, rotations.from_rotation_vector(correction))
+    onboard = OnboardRotations.over_all(layout, samples)
+    correction = onboard.correction_vectors(layout, state.errors[:, None])[0, 0]
+    turn = rotations.multiply(onboard.net[0], rotations.from_rotation_vector(correction))
     rows = np.zeros((3, layout.size))
     rows[:, layout[ONBOARD]] = rotations.to_matrix(turn).T
-    for name, jacobian in jacobians.items():
-        rows[:, layout[name]] = rotations.right_jacobian(correction) @ jacobian
+    for name, jacobian in onboard.jacobians.items():
+        rows[:, layout[name]] = rotations.right_jacobian(correction) @ jacobian[0]
     return rotations.multiply(state.nav[10:], turn), rows
 
 

@@ -94,6 +94,11 @@ class Samples:
         return sample_edges(self.time, self.interval)
 
     @property
+    def middle(self) -> Array:
+        """Middle ``(N,)`` of each sample's interval, s."""
+        return self.time - 0.5 * self.interval
+
+    @property
     def filled(self) -> BoolArray:
         """Samples ``(N,)`` of which a value was filled in."""
         return filled_samples(self.force_fill_sigma, self.rate_fill_sigma)

@@ -8,6 +8,7 @@ there is one, comes last.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,15 @@ UNITS = {
     "onboard_mounting": "rad",
     "onboard_attitude": "rad",
 }
+
+
+def consecutive_slices(sizes: Mapping[str, int], start: int = 0) -> dict[str, slice]:
+    """Slices of adjoining blocks of a vector, by name, from their sizes; the first block begins at `start`."""
+    slices = {}
+    for name, size in sizes.items():
+        slices[name] = slice(start, start + size)
+        start += size
+    return slices
 
 
 @dataclass(frozen=True)
@@ -65,11 +75,7 @@ class Layout:
         sizes |= {n: 3 for n in SENSOR_STATES if any(getattr(e, n) > 0.0 for e in errors)}
         sizes |= {n: size for n, size in extra.items() if n != ONBOARD}
         sizes |= {n: size for n, size in extra.items() if n == ONBOARD}  # last, as `State` assumes
-        slices, start = {}, 0
-        for name, size in sizes.items():
-            slices[name] = slice(start, start + size)
-            start += size
-        return cls(slices)
+        return cls(consecutive_slices(sizes))
 
     @property
     def size(self) -> int:

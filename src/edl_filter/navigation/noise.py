@@ -1,9 +1,7 @@
-"""Process noise of an interval, from the noise of the IMU's samples.
+"""Process noise of intervals, from the noise of the IMU's samples; attitudes over samples.
 
-The attitude error is expressed in inertial axes in this module, where it is constant. A sample's rate noise turns all
-specific force that follows in the interval, so it adds to position and velocity ``ψ × (path and velocity
-that the specific force gives from there to the end)``; a sample's force noise adds to velocity at once and to
-position over the remaining time. Gravity's gradient over one interval (1e-6 s⁻² over seconds) is neglected.
+A flight that is linearised from bin to bin has thousands of short intervals, in which the arrangement of one interval
+costs a hundred times its arithmetic. Therefore one compiled call computes all of them.
 """
 
 from __future__ import annotations
@@ -11,13 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from edl_filter import rotations
+from edl_filter.navigation.compiled_noise import COMPILED, in_body_axes, noise_of_samples
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.layout import ONBOARD, Layout
-from edl_filter.rotation_kernels import fill_matrix, product, quaternion
-from edl_filter.types import Array
+from edl_filter.rotation_kernels import product, quaternion
+from edl_filter.types import Array, IntArray
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
@@ -47,18 +44,40 @@ def process_noise(layout: Layout, samples: Samples, attitude: Array) -> Array:
     (n, n) array
         Covariance, in the units of `layout.UNITS`.
     """
-    middle, end = sample_attitudes(samples.interval, samples.rate, attitude)
-    to_end = np.eye(9)
-    to_end[6:, 6:] = rotations.to_matrix(end).T
-    variances = increment_variances(samples)
-    noise = np.zeros((layout.size, layout.size))
-    args = samples.interval, middle, samples.force, variances.velocity
-    noise[:9, :9] = to_end @ _accumulate(*args, variances.rotation) @ to_end.T
+    begin, end = np.array([0]), np.array([len(samples.time)])
+    return process_noise_of_intervals(layout, samples, attitude[None], begin, end)[0]
+
+
+def process_noise_of_intervals(
+    layout: Layout, samples: Samples, attitudes: Array, begins: IntArray, ends: IntArray
+) -> Array:
+    """`process_noise` of K intervals.
+
+    Parameters
+    ----------
+    layout : Layout
+        Of the filter's vector.
+    samples : Samples
+        Of the driving instrument, all intervals.
+    attitudes : (K, 4) array
+        inertial_from_body at the intervals' beginnings.
+    begins, ends : (K,) arrays of int
+        First sample of each interval, and the one after its last.
+
+    Returns
+    -------
+    (K, n, n) array
+        Covariances, in the units of `layout.UNITS`.
+    """
+    covariance, common = _covariances(
+        begins, ends, attitudes, samples.interval, samples.rate, samples.force, *increment_variances(samples)
+    )
+    noise = np.zeros((len(begins), layout.size, layout.size))
+    noise[:, :9, :9] = covariance
     if ONBOARD in layout:
         block = layout[ONBOARD]
-        common = to_end @ _accumulate(*args, variances.unshared) @ to_end.T
-        noise[block, :9], noise[:9, block] = common[6:], common[:, 6:]
-        noise[block, block] = common[6:, 6:]
+        noise[:, block, :9], noise[:, :9, block] = common[:, 6:], common[:, :, 6:]
+        noise[:, block, block] = common[:, 6:, 6:]
     return noise
 
 
@@ -88,31 +107,7 @@ def increment_variances(samples: Samples) -> IncrementVariances:
     )
 
 
-def net_rotation(samples: Samples) -> Array:
-    """Rotation over all `samples` as it is computed on board from the gyros, as a quaternion ``(4,)``."""
-    return sample_attitudes(samples.interval, samples.onboard_rate, IDENTITY)[1]
-
-
-def onboard_rotation(samples: Samples) -> tuple[Array, Array]:
-    """Rotation of an on-board attitude that is due to other rates and another mounting than the gyro samples'.
-
-    On board ``ω + ω × m - b`` is integrated where the samples read ω, with a mounting that differs by the small
-    rotation m and a rate correction b. This holds only where gyros were read: a rate that is coning-corrected was taken
-    from the on-board attitude.
-
-    Returns
-    -------
-    rate_jacobian, mounting_jacobian : (3, 3) arrays
-        Rotation vector (rad) in the body axes of the end, per rate (rad/s) and per mounting (rad): minus the integral
-        of C, and the integral of C [ω]ₓ, with C from the axes of each sample to those of the end.
-    """
-    middle, end = sample_attitudes(samples.interval, samples.rate, IDENTITY)
-    weight = np.where(samples.coning_corrected, 0.0, samples.interval)
-    to_end = rotations.to_matrix(rotations.multiply(rotations.conjugate(end), middle)) * weight[:, None, None]
-    return -to_end.sum(axis=0), np.einsum("nij,njk->ik", to_end, rotations.cross_matrix(samples.rate))
-
-
-@njit(cache=True, error_model="numpy")
+@COMPILED
 def variances_of_increments(interval, force_noise, force_fill_sigma, rate_noise, rate_fill_sigma, shared_rate_noise):
     """`increment_variances` of the arrays of samples, compiled.
 
@@ -141,7 +136,7 @@ def variances_of_increments(interval, force_noise, force_fill_sigma, rate_noise,
     return velocity, rotation, unshared
 
 
-@njit(cache=True, error_model="numpy")
+@COMPILED
 def sample_attitudes(interval, rate, attitude):
     """Attitudes over samples, from the rates alone.
 
@@ -173,33 +168,19 @@ def sample_attitudes(interval, rate, attitude):
     return middle, np.array([qx, qy, qz, qw])
 
 
-@njit(cache=True, error_model="numpy")
-def _accumulate(interval, middle, force, velocity_variance, rotation_variance):
-    """Covariance ``(9, 9)`` of position, velocity and attitude error in inertial axes, from the end backwards."""
-    cov = np.zeros((9, 9))
-    gain = np.zeros(3)  # velocity that the force gives from the current time to the end
-    path = np.zeros(3)  # and path: the integral of force times the remaining time
-    remaining = 0.0  # time to the end
-    axes = np.empty((3, 3))
-    by_force, by_rate = np.zeros((9, 3)), np.zeros((9, 3))
-    for i in range(interval.size - 1, -1, -1):
-        dt = interval[i]
-        fill_matrix(middle[i], axes)
-        inertial = axes @ force[i]
-        # a sample's noise acts at its middle: half of its own force comes after
-        half_remaining = remaining + 0.5 * dt
-        half_gain = gain + 0.5 * dt * inertial
-        half_path = path + (0.5 * dt * remaining + 0.125 * dt * dt) * inertial
-        for axis in range(3):
-            error = axes[:, axis] * np.sqrt(velocity_variance[i, axis])
-            by_force[:3, axis] = half_remaining * error
-            by_force[3:6, axis] = error
-            error = axes[:, axis] * np.sqrt(rotation_variance[i, axis])
-            by_rate[:3, axis] = np.cross(error, half_path)
-            by_rate[3:6, axis] = np.cross(error, half_gain)
-            by_rate[6:, axis] = error
-        cov += by_force @ by_force.T + by_rate @ by_rate.T
-        path = path + (dt * remaining + 0.5 * dt * dt) * inertial
-        gain = gain + dt * inertial
-        remaining = remaining + dt
-    return cov
+@COMPILED
+def _covariances(
+    begins, ends, attitudes, interval, rate, force, velocity_variance, rotation_variance, unshared_variance
+):
+    """Covariances ``(K, 9, 9)`` by all noise, and by that which an on-board attitude does not share."""
+    covariance = np.empty((begins.size, 9, 9))
+    common = np.empty((begins.size, 9, 9))
+    for k in range(begins.size):
+        a, b = begins[k], ends[k]
+        middle, end = sample_attitudes(interval[a:b], rate[a:b], attitudes[k])
+        every, unshared = noise_of_samples(
+            interval[a:b], middle, force[a:b], velocity_variance[a:b], rotation_variance[a:b], unshared_variance[a:b]
+        )
+        covariance[k] = in_body_axes(every, end)
+        common[k] = in_body_axes(unshared, end)
+    return covariance, common

@@ -14,8 +14,9 @@ from typing import ClassVar
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.conventions import total_angle
 from edl_filter.aero.database import Database
-from edl_filter.navigation.constraints import velocity_in_air
+from edl_filter.navigation.constraints import local_velocity
 from edl_filter.navigation.layout import Layout
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
@@ -73,7 +74,7 @@ class FlowModel:
 
     def at(self, time: float, nav: Array) -> DeploymentFlow:
         """Flow of the states `nav` (10 or 14, S) at `time` (s)."""
-        altitude, velocity, enu = velocity_in_air(self.planet, self.atmosphere, time, nav)
+        altitude, velocity, enu = local_velocity(self.planet, time, nav, self.atmosphere)
         speed = np.linalg.norm(velocity, axis=1)
         body = rotations.rotate(rotations.conjugate(nav[6:10].T), np.einsum("sji,sj->si", enu, velocity))
         density = self.atmosphere.density(altitude)
@@ -83,7 +84,7 @@ class FlowModel:
             density=density,
             mach=self.gas.mach(speed, self.atmosphere.temperature_at(altitude)),
             knudsen=self.gas.knudsen(density, self.diameter),
-            alpha_total=np.arctan2(np.hypot(body[:, 1], body[:, 2]), body[:, 0]),
+            alpha_total=total_angle(body),
             flight_path=np.arcsin(velocity[:, 2] / speed),
         )
 

@@ -39,6 +39,7 @@ from typing import NamedTuple
 import numpy as np
 
 from edl_filter.estimation.interpolating_spline import DEGREE, integral_spline
+from edl_filter.estimation.series import moving_mean
 from edl_filter.navigation.rotation_corrections import nodes
 from edl_filter.telemetry.record import sample_edges
 from edl_filter.types import Array
@@ -159,18 +160,7 @@ def intensity_sigma(edges: Array, interval: Array, mean: Array, order: int) -> A
         return np.zeros_like(mean)
     highest = integral_spline(edges, interval, mean, 2 * order + 1).derivative(order + 1)
     square = sum(w * highest(edges[:-1] + t * interval) ** 2 for t, w in zip(*nodes(order + 1), strict=True))
-    return np.sqrt(moving_mean(np.asarray(square * interval[:, None], np.float64)))
-
-
-def moving_mean(values: Array) -> Array:
-    """Means ``(N, m)`` over each row of ``(N, m)`` and up to `_AVERAGED` rows on each side.
-
-    The intensity by one sample has one degree of freedom an axis.
-    """
-    total = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)))
-    index = np.arange(len(values))
-    first, last = np.maximum(index - _AVERAGED, 0), np.minimum(index + _AVERAGED + 1, len(values))
-    return np.maximum((total[last] - total[first]) / (last - first)[:, None], 0.0)
+    return np.sqrt(moving_mean(np.asarray(square * interval[:, None], np.float64), _AVERAGED))
 
 
 def unresolved_motion(
@@ -202,7 +192,7 @@ def unresolved_motion(
     if impact.any():
         jumps = _mean_sigma(intensity_sigma(edges, interval, rate, 1) * dt**1.5)
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
-        blows = _mean_sigma(np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5)))
+        blows = _mean_sigma(np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5, _AVERAGED)))
         rows = impact[:, None]
         by_force = np.where(rows, _product_sigma(_summed(turn, 0), _any_direction(blows)), by_force)
         of_gain = np.where(rows, _product_sigma(_summed(gain, 1), _any_direction(jumps)), of_gain)

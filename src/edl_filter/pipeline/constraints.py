@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.conventions import reference_area
 from edl_filter.effects.adapters import atmosphere_with_effects
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import compose_air_rotation
@@ -183,7 +184,7 @@ def _steady_descent(
     events = mission.event_times()
     masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
     mass = masses[-1] if masses else mass_at_entry
-    area = np.pi / 4.0 * parachute.area_diameter**2
+    area = reference_area(parachute.area_diameter)
     return models.SteadyDescent(
         time=time,
         dynamic_pressure=mass * drag / (parachute.drag_coefficient * area),

@@ -18,7 +18,7 @@ import numpy as np
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import FlightCondition
 from edl_filter.estimation.autoregression import Interpolation
-from edl_filter.estimation.series import runs
+from edl_filter.estimation.series import interpolate_columns, runs
 from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
 from edl_filter.navigation.motion_model import Window
 from edl_filter.navigation.motion_smoother import Solution, predict_stretch
@@ -176,7 +176,7 @@ def window_around(
     counts = np.diff(cuts)
     widths = np.diff(edges)[cuts[0] : cuts[-1], None]
     lengths = np.diff(edges[cuts])[:, None]
-    rows = base.index_at(samples.time - 0.5 * samples.interval)[cuts[0] : cuts[-1]]
+    rows = base.index_at(samples.middle)[cuts[0] : cuts[-1]]
     axes, lost = _lost_components(base, rows, slice(first - cuts[0], last - cuts[0]))
     observed = np.add.reduceat(lost.astype(int), cuts[:-1] - cuts[0]) == 0
     rate, force = (v[cuts[0] + 1 : cuts[-1] + 1] for v in (trajectory.angular_rate, trajectory.specific_force))
@@ -261,7 +261,7 @@ def path_loads(model: ForwardModel, time: Array, position: Array, velocity: Arra
     fraction = np.arange(2 * steps) / (2 * steps)
     nodes = np.append((time[:-1, None] + np.diff(time)[:, None] * fraction).ravel(), time[-1])
     count = len(nodes)
-    place, speed = (np.stack([np.interp(nodes, time, c) for c in values.T], axis=1) for values in (position, velocity))
+    place, speed = (interpolate_columns(nodes, time, values) for values in (position, velocity))
     inertial_axes = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
     flow = model.flow(nodes, place, speed, inertial_axes, np.zeros((count, 3)))
     # the same flow at all angles, in the plane of pitch
@@ -350,7 +350,7 @@ def _changed_readings(
     change = np.where(window.observed[part], 0.0, values - window.readings[part]) @ window.axes
     total = np.concatenate((np.zeros((1, 6)), np.cumsum(change * np.diff(edges)[:, None], axis=0)))
     ends = np.clip(base.edges[rows.start : rows.stop + 1], edges[0], edges[-1])
-    means = np.stack([np.interp(ends, edges, c) for c in total.T], axis=1)
+    means = interpolate_columns(ends, edges, total)
     rate_change, force_change = np.split(np.diff(means, axis=0) / base.interval[rows, None], 2, axis=1)
     rate, force = current.angular_rate.copy(), current.specific_force.copy()
     rate[rows] += rate_change

@@ -245,9 +245,7 @@ def moved_by_events(mission: Mission, telemetry: Telemetry) -> Telemetry:
                     f"{mission.source or mission.name}: vehicle.events.{name}.imu_positions: found {imu!r}; the flight "
                     f"file has {', '.join(names)}."
                 )
-    driving, *checking = (
-        replace(r, position=changed_position(r.position, r.name, r.time - 0.5 * r.interval, changes)) for r in records
-    )
+    driving, *checking = (replace(r, position=changed_position(r.position, r.name, r.middle, changes)) for r in records)
     return replace(telemetry, driving=driving, checking=tuple(checking))
 
 
@@ -276,7 +274,7 @@ def centre_of_mass_shifts(mission: Mission, driving: ImuRecord) -> dict[float, A
     same instrument drives before and after the event. At a change of the instrument the navigated point is stated
     otherwise (`mer_flight`).
     """
-    shifts, middle = {}, driving.time - 0.5 * driving.interval
+    shifts, middle = {}, driving.middle
     for time, event in mission.vehicle_changes():
         i = int(np.searchsorted(middle, time, side="right"))
         if not 0 < i < len(middle):
@@ -309,7 +307,7 @@ def with_velocity_steps(samples: Samples, shifts: Mapping[float, Array]) -> Samp
     force = samples.force.copy()
     rate = edge_values(samples.interval, samples.mean_rate, np.diff(samples.unit) != 0)
     for time, shift in shifts.items():
-        i = int(np.searchsorted(samples.time - 0.5 * samples.interval, time, side="right"))
+        i = int(np.searchsorted(samples.middle, time, side="right"))
         # the force of a sample is in axes that half its rotation turned
         turn = rotations.from_rotation_vector(-0.5 * samples.interval[i] * samples.mean_rate[i])
         force[i] += rotations.rotate(turn, np.cross(rate[i], shift)) / samples.interval[i]

@@ -149,7 +149,7 @@ def _axial_force(
             f"{max(last - first, 0)} samples before {TIME_SIGMAS:g} sigmas of the event's time; at least 2 are needed."
         )
     part = samples.part(first, last)
-    design = np.stack((np.ones(last - first), part.time - 0.5 * part.interval - time), axis=1)
+    design = np.stack((np.ones(last - first), part.middle - time), axis=1)
     weights = np.linalg.pinv(design)[0]
     deceleration = -float(weights @ part.mean_force[:, 0])
     if deceleration <= 0.0:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.mission import Mission
 from edl_filter.navigation.filter import Problem
 from edl_filter.pipeline.load import event_times
@@ -161,11 +162,8 @@ def _check_rates(where: str, record: ImuRecord, checking: ImuRecord, end: float)
     if np.count_nonzero(common) < 10:
         return None
     rate = record.angular_rate[common]
-    compared = np.stack(
-        [np.interp(record.time[common], checking.time, column) for column in checking.angular_rate.T],
-        axis=1,
-    )
-    finite = np.isfinite(rate).all(axis=1) & np.isfinite(compared).all(axis=1)
+    compared = interpolate_columns(record.time[common], checking.time, checking.angular_rate)
+    finite = finite_rows(rate) & finite_rows(compared)
     rate, compared = rate[finite], compared[finite]
     difference = relative_difference(rate, compared) if len(rate) else 0.0
     if difference <= RATE_DIFFERENCE:

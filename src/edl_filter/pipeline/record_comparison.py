@@ -13,12 +13,13 @@ from itertools import permutations, product
 
 import numpy as np
 
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
 from edl_filter.mission import Mission
 from edl_filter.pipeline.fault_hypotheses import exchange_text, imu_axes, sign_text
 from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.plausibility import FORCE_UNITS, RATE_UNITS
-from edl_filter.telemetry.record import ImuRecord, Telemetry, finite_rows
+from edl_filter.telemetry.record import ImuRecord, Telemetry
 from edl_filter.types import Array
 
 #: A change of a whole record explains its difference from another IMU if it leaves less than this part of it, in this
@@ -106,9 +107,7 @@ def _common(record: ImuRecord, reference: ImuRecord, quantity: str, end: float) 
     used = finite_rows(values) & (record.time <= min(end, reference.time[-1])) & (record.time >= reference.time[0])
     if known.sum() < 2:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    return values[used], np.column_stack([
-        np.interp(record.time[used], reference.time[known], column) for column in reference_values[known].T
-    ])  # fmt: skip
+    return values[used], interpolate_columns(record.time[used], reference.time[known], reference_values[known])
 
 
 def _typical(values: Array) -> float:

@@ -193,5 +193,9 @@ class Planet:
         (..., 3, 3) array
         """
         latitude, longitude, _ = self.geodetic(time, position)
+        return self.enu_at(time, latitude, longitude)
+
+    def enu_at(self, time: ArrayLike, latitude: ArrayLike, longitude: ArrayLike) -> Array:
+        """Matrices ``(..., 3, 3)`` of `enu_from_inertial`, from the latitude and longitude (rad) of the position."""
         # A longitude measured from the inertial x axis gives the local axes in inertial components
-        return ellipsoid.enu_from_fixed(latitude, longitude + self.rotation.angle(time))
+        return ellipsoid.enu_from_fixed(latitude, np.asarray(longitude, float) + self.rotation.angle(time))

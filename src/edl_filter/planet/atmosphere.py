@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.io.csv_table import Row, check_monotonic, read_rows
 from edl_filter.planet.gas import Gas
 from edl_filter.types import Array
@@ -150,8 +151,7 @@ class Atmosphere:
         (..., 2) array
             m/s.
         """
-        h = np.asarray(altitude, float)
-        return np.stack([np.interp(h, self.altitude, component) for component in self.wind.T], axis=-1)
+        return interpolate_columns(altitude, self.altitude, self.wind)
 
 
 def _check_positive(path: Path, rows: list[Row]) -> None:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.conventions import attack_and_sideslip, total_angle
 from edl_filter.effects.adapters import AtmosphereWithEffects, atmosphere_with_effects
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import compose_air_rotation
 from edl_filter.navigation.trajectory import Trajectory
-from edl_filter.planet import Planet, ellipsoid
+from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.types import Array
 
@@ -99,15 +100,14 @@ def air_data(
     time, position = trajectory.time, trajectory.position
     atmosphere, air_planet = atmosphere_with_effects(atmosphere, effects), compose_air_rotation(planet, effects)
     latitude, longitude, altitude = planet.geodetic(time, position)
-    # the longitude relative to the inertial x axis gives the local axes in inertial components
-    enu = ellipsoid.enu_from_fixed(latitude, longitude + planet.rotation.angle(time))
-    wind = np.concatenate((atmosphere.wind_at(altitude), np.zeros((len(time), 1))), axis=1)
+    enu = planet.enu_at(time, latitude, longitude)
     without_wind = air_planet.velocity_relative(position, trajectory.velocity)
-    local = np.einsum("nij,nj->ni", enu, without_wind) - wind
+    local = np.einsum("nij,nj->ni", enu, without_wind)
+    local[:, :2] -= atmosphere.wind_at(altitude)
     air = np.einsum("nji,nj->ni", enu, local)
     body = rotations.rotate(rotations.conjugate(trajectory.inertial_from_body), air)
     speed = np.linalg.norm(local, axis=1)
-    u, v, w = body.T
+    alpha, beta = attack_and_sideslip(body)
     density = atmosphere.density(altitude)
     radius = np.linalg.norm(position, axis=1)
     sigma = _sigmas(trajectory, air_planet, atmosphere, enu, altitude, air, body)
@@ -122,9 +122,9 @@ def air_data(
         speed=speed,
         flight_path_angle=np.arctan2(local[:, 2], np.hypot(local[:, 0], local[:, 1])),
         azimuth=np.arctan2(local[:, 0], local[:, 1]),
-        alpha=np.arctan2(w, u),
-        beta=np.arctan2(v, np.hypot(u, w)),
-        alpha_total=np.arctan2(np.hypot(v, w), u),
+        alpha=alpha,
+        beta=beta,
+        alpha_total=total_angle(body),
         density=density,
         mach=speed / atmosphere.speed_of_sound(altitude),
         dynamic_pressure=0.5 * density * speed**2,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edl_filter.aero.conventions import reference_area
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.moments import Moments
 from edl_filter.types import Array, BoolArray
@@ -94,7 +95,7 @@ def flight_coefficients(
     Linear bands: the force's own noise and bias, and the relative sigma of m/q or 1/q that the atmosphere states. CA
     with the flight's density has the database's sigma alone, because the force cancels in it.
     """
-    area = np.pi / 4.0 * diameter**2
+    area = reference_area(diameter)
     q = 0.5 * atmosphere.density * speed**2
     per_force, per_moment = np.asarray(mass, float) / (q * area), 1.0 / (q * area * diameter)
     bias = np.broadcast_to(np.asarray(bias_sigma, float), (3,))

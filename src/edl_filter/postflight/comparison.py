@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from edl_filter.aero.conventions import total_angle
 from edl_filter.aero.database import Database, moments_at_cm, split
 from edl_filter.aero.inverse import InverseResult, angle_from_cm, angle_from_cn
 from edl_filter.postflight.atmosphere import AtmosphereProfile, scatter
@@ -137,8 +138,8 @@ def database_coefficients(
     DatabaseCoefficients
     """
     valid = atmosphere.valid
-    u, v, w = velocity_body[valid].T
-    total = np.arctan2(np.hypot(v, w), u)
+    _, v, w = velocity_body[valid].T
+    total = total_angle(velocity_body[valid])
     flow = atmosphere.mach[valid], atmosphere.knudsen[valid]
     entry = database.lookup(*flow, total, speed[valid])
     x, y, z = (np.broadcast_to(np.asarray(p, float), speed.shape)[valid] for p in (x_over_d, *offset))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edl_filter.aero.conventions import reference_area
 from edl_filter.aero.database import Database
 from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.errors import InputError
@@ -154,7 +155,7 @@ def extract_atmosphere(
             "Density: the axial acceleration never rises above its threshold; there is nothing to derive from."
         )
     part = slice(int(inside[0]), int(inside[-1]) + 1)
-    area = np.pi / 4.0 * diameter**2
+    area = reference_area(diameter)
     mass = np.broadcast_to(np.asarray(axial.mass, float), time.shape)[part]
     force, v, level = -axial.acceleration[part], speed[part], geopotential[part]
     invalid = np.flatnonzero(~(force > 0.0))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.aero.conventions import attack_and_sideslip, total_angle
 from edl_filter.effects.adapters import atmosphere_with_effects, database_with_effects
 from edl_filter.effects.forward_model import compose_air_rotation, compose_body
 from edl_filter.errors import InputError
@@ -101,14 +102,14 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
     atmosphere = atmosphere_with_effects(reconstruction.atmosphere, reconstruction.effects)
     assert vehicle.inertia is not None and mission.aerodynamics is not None
     middle = {name: at_middles(air.time, getattr(air, name)) for name in _ALONG}
-    u, v, w = middle["velocity_body"].T
-    speed = np.sqrt(u * u + v * v + w * w)
+    speed = np.linalg.norm(middle["velocity_body"], axis=1)
+    alpha, beta = attack_and_sideslip(middle["velocity_body"])
     position = at_middles(trajectory.time, trajectory.position)
     # the weight of the air is that in the frame in which it is at rest
     air_planet = compose_air_rotation(planet, reconstruction.effects)
     up = planet.enu_from_inertial(0.5 * (trajectory.time[1:] + trajectory.time[:-1]), position)[:, 2]
     parachute = reconstruction.event_times.get("parachute_deploy", float(trajectory.time[-1]))
-    middles = samples.time - 0.5 * samples.interval
+    middles = samples.middle
     mass, (x, y, z), inertia = _mass_properties(reconstruction, middles, parachute)
     sensor = np.sqrt(np.diag(reconstruction.smoothed.covariance[0]))
     layout = reconstruction.filter_pass.layout
@@ -126,9 +127,9 @@ def postflight_inputs(reconstruction: Reconstruction, air: AirData) -> Postfligh
         gravity=-np.einsum("ni,ni->n", air_planet.apparent_gravity(position), up),
         geopotential=air_planet.geopotential(position),
         velocity_body=middle["velocity_body"],
-        alpha=np.arctan2(w, u),
-        beta=np.arcsin(v / speed),
-        alpha_total=np.arccos(np.clip(u / speed, -1.0, 1.0)),
+        alpha=alpha,
+        beta=beta,
+        alpha_total=total_angle(middle["velocity_body"]),
         speed_sigma=middle["speed_sigma"],
         angle_sigma=np.hypot(middle["alpha_total_sigma"], wind / speed),
         altitude_sigma=middle["altitude_sigma"],
@@ -176,7 +177,7 @@ def _is_read(reconstruction: Reconstruction, fill_sigma: Array) -> BoolArray:
     depend on the rates.
     """
     samples = reconstruction.problem.samples
-    middle, unread = samples.time - 0.5 * samples.interval, np.zeros(len(samples.time), bool)
+    middle, unread = samples.middle, np.zeros(len(samples.time), bool)
     for start, end in interpolated_stretches(reconstruction.telemetry):
         if end - start > SHORTEST_BY_DYNAMICS - SAME_TIME:
             unread |= (middle > start) & (middle < end)

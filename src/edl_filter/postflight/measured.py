@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from edl_filter.aero.conventions import reference_area
 from edl_filter.postflight.atmosphere import AtmosphereProfile
 from edl_filter.postflight.comparison import DatabaseCoefficients
 from edl_filter.postflight.moments import tensor_product
@@ -54,7 +55,7 @@ def as_measured(
     DatabaseCoefficients
         CA, sigmas and flags are those of `database`. NaN where the database is NaN within a batch.
     """
-    area = np.pi / 4.0 * diameter**2
+    area = reference_area(diameter)
     q = 0.5 * atmosphere.density * speed**2
     per_force, per_moment = q * area / np.asarray(mass, float), q * area * diameter
     v = database.value

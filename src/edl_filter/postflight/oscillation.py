@@ -24,6 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from edl_filter.aero.conventions import reference_area
+from edl_filter.estimation.series import finite_rows
 from edl_filter.types import Array
 
 #: Length of a window and distance between two, s.
@@ -99,7 +101,7 @@ def oscillation(
     -------
     Oscillation
     """
-    usable = np.isfinite(moments).all(axis=1) & np.isfinite(pressure)
+    usable = finite_rows(moments) & np.isfinite(pressure)
     usable &= np.arange(len(time)) % max(1, round(_CLOSEST / float(np.median(np.diff(time))))) == 0
     first, last = (time[usable][0], time[usable][-1]) if usable.any() else (0.0, 0.0)
     middles = np.arange(first + 0.5 * _WIDTH, last - 0.5 * _WIDTH, _STEP)
@@ -111,7 +113,7 @@ def oscillation(
         tau = (time[part] - middle) / (0.5 * _WIDTH)
         half_span = 0.5 * diameter / speed[part]
         fit = _fit(tau, angles[part], rates[part], moments[part], half_span)
-        load = float(np.mean(pressure[part])) * np.pi / 4.0 * diameter**3 / float(np.mean(lateral[part]))
+        load = float(np.mean(pressure[part]) / np.mean(lateral[part])) * reference_area(diameter) * diameter
         if fit is None or np.sqrt(max(-fit[0][0] * load, 0.0)) * _WIDTH < 2.0 * np.pi * _PERIODS:
             continue
         value, sigma, rate_rms = fit

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import moving_mean
 from edl_filter.telemetry.smoothing import (
     batch_polynomial,
     batch_polynomial_bandwidth,
-    batch_weights,
+    batch_polynomial_gain,
     differentiated_rates,
     low_pass,
     low_pass_gain,
@@ -89,10 +90,7 @@ class BatchSmoother:
 
     def _around(self, sample: Array, reach: IntArray) -> Array:
         """Root mean variance of the samples within `reach` of each, which a batch combines."""
-        total = np.concatenate(([0.0], np.cumsum(sample**2)))
-        index = np.arange(len(sample))
-        low, high = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(sample))
-        return np.sqrt((total[high] - total[low]) / (high - low))
+        return np.sqrt(moving_mean(sample[:, None] ** 2, reach)[:, 0])
 
     def as_derived(self, derivative: Array) -> Array:
         """A predicted derivative as `differentiate` computes it from the sensor's means of the rate.
@@ -230,9 +228,7 @@ def _spread(short: Array, n: int) -> Array:
 
 def _responses(points: int) -> tuple[Array, Array]:
     """Responses of a batch, and of the differentiation with two batches (per sample), at `_FREQUENCY`."""
-    weights = batch_weights(points, _ORDER)
-    lag = np.arange(points) - points // 2
-    batch = np.cos(2.0 * np.pi * np.outer(_FREQUENCY, lag)) @ weights
+    batch = batch_polynomial_gain(_FREQUENCY, points, _ORDER)
     # a difference over one sample, and the mean of two neighbouring differences
     return batch, batch**2 * np.sin(2.0 * np.pi * _FREQUENCY)
 

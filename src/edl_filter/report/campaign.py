@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from edl_filter.report.description import Axis, Curve, Element, Figure, Legend, Line, Panel, Region
+from edl_filter.estimation.series import finite_rows
+from edl_filter.report.description import Axis, Curve, Element, Figure, Legend, Line, Panel, Region, ellipse_outline
 from edl_filter.results.campaign_statistics import ELLIPSE_95, NORMAL_SHARES, PERCENTILES, SIGMAS, landing_offsets
 from edl_filter.types import Array
 
@@ -20,7 +21,6 @@ COLOURS = ("blue", "orange", "green", "vermillion", "purple", "sky")
 #: Most points of a scatter plot.
 MOST_POINTS = 2000
 _LANDING_COLOURS = {"estimate": "blue", "without landing constraint": "orange", "truth": "green"}
-_ANGLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
 
 def campaign_figures(data: Dataset, content: dict[str, Any], title: str) -> dict[str, Figure]:
@@ -104,14 +104,10 @@ def _landing_panel(data: Dataset, group: dict[str, Any]) -> Panel | None:
 
 def _outline(points: Array) -> Array | None:
     """Ellipse ``(2, K)`` of 95 %, km."""
-    valid = points[np.isfinite(points).all(axis=1)]
+    valid = points[finite_rows(points)]
     if len(valid) < 3:
         return None
-    values, vectors = np.linalg.eigh(1e-6 * np.cov(valid.T))
-    circle = np.stack((np.cos(_ANGLE), np.sin(_ANGLE)))
-    return np.asarray(
-        1e-3 * valid.mean(axis=0)[:, None] + ELLIPSE_95 * vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
-    )
+    return ellipse_outline(1e-3 * valid.mean(axis=0), 1e-6 * np.cov(valid.T), ELLIPSE_95)
 
 
 def _coverage(group: dict[str, Any]) -> Panel:

@@ -21,6 +21,8 @@ Dash = Literal["", "dash", "dot"]
 Symbol = Literal["", "circle", "square", "diamond", "star", "triangle", "cross", "plus", "right", "left", "down"]
 Anchor = Literal["left", "center", "right"]
 Place = Literal["row", "best", "upper left", "upper right", "lower left", "lower center", "outside", "below"]
+#: Points of the outline of an ellipse.
+_OUTLINE_POINTS = 181
 
 
 #: Decades of a logarithmic axis below which twice and five times a power of ten are labelled too.
@@ -388,3 +390,26 @@ def significant(values: Array, sigma: Array | None, share: float) -> Array:
         Largest relative sigma.
     """
     return values if sigma is None else np.where(sigma < share * np.abs(values), values, np.nan)
+
+
+def ellipse_outline(centre: Array, covariance: Array, sigmas: float) -> Array:
+    """Outline of the ellipse of a two-dimensional normal distribution.
+
+    Parameters
+    ----------
+    centre : (2,) array
+        Mean.
+    covariance : (2, 2) array
+        In the square of the unit of `centre`.
+    sigmas : float
+        Semi-axes in standard deviations along them.
+
+    Returns
+    -------
+    (2, K) array
+        Closed, in the unit of `centre`.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    angle = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_POINTS)
+    circle = np.stack((np.cos(angle), np.sin(angle)))
+    return np.asarray(centre[:, None] + sigmas * vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * circle))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from edl_filter.errors import InputError
-from edl_filter.report.description import Axis, Curve, Element, Figure, Legend, Panel, Region
+from edl_filter.report.description import Axis, Curve, Element, Figure, Legend, Panel, Region, ellipse_outline
 from edl_filter.report.trajectory import samples_within, time_axis
 from edl_filter.results.reader import ResultReader
 from edl_filter.types import Array
@@ -16,8 +16,6 @@ from edl_filter.types import Array
 SIGMAS = 3.0
 #: Interval of the time marks, s, and their least distance as a share of the length of the track.
 _INTERVAL, _DISTANCE = 30.0, 0.09
-#: Points of an ellipse.
-_POINTS = 181
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,9 +219,6 @@ def _estimate(
     if covariance is None or not np.isfinite(covariance).all():
         return [replace(point, label=label)], centre[None]
     spread = 1e-6 * local.horizontal_covariance(covariance)
-    values, vectors = np.linalg.eigh(spread)
-    angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
-    circle = np.stack((np.cos(angle), np.sin(angle)))
-    outline = centre[:, None] + SIGMAS * vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+    outline = ellipse_outline(centre, spread, SIGMAS)
     region = Region(outline[0], outline[1], f"{label}, {SIGMAS:.0f} sigma", colour, filled)
     return [region, point], centre + np.array([[-1.0], [1.0]]) * SIGMAS * np.sqrt(np.diag(spread))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from edl_filter.estimation.series import finite_rows
 from edl_filter.planet import ellipsoid
 from edl_filter.results.campaign_variables import EVENT_VALUES, OUTCOMES, PARTS, VARIABLES
 from edl_filter.types import Array, IntArray
@@ -135,7 +136,7 @@ def landing_offsets(data: Dataset, selected: IntArray) -> dict[str, Array]:
         Indices of the cases.
     """
     positions = {label: values_of(data, name, selected) for name, label in LANDINGS.items() if name in data}
-    positions = {label: p for label, p in positions.items() if np.isfinite(p).all(axis=1).any()}
+    positions = {label: p for label, p in positions.items() if finite_rows(p).any()}
     if not positions:
         return {}
     origin = np.nanmean(positions.get("truth", positions[next(iter(positions))]), axis=0)
@@ -146,7 +147,7 @@ def landing_offsets(data: Dataset, selected: IntArray) -> dict[str, Array]:
 
 def ellipse(points: Array) -> dict[str, float]:
     """Mean and ellipse of 95 % of horizontal positions ``(N, 2)``, m, under a normal distribution."""
-    valid = points[np.isfinite(points).all(axis=1)]
+    valid = points[finite_rows(points)]
     mean = valid.mean(axis=0)
     covariance = np.cov(valid.T) if len(valid) > 1 else np.zeros((2, 2))
     variances, directions = np.linalg.eigh(covariance)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.planet import ellipsoid
 from edl_filter.types import Array
@@ -24,11 +25,9 @@ def from_site(reconstruction: Reconstruction, time: float) -> dict[str, float]:
         return {}
     trajectory, rotation, enu = reconstruction.trajectory, reconstruction.planet.rotation, _enu(site)
 
-    def at(values: Array) -> Array:
-        return np.array([np.interp(time, trajectory.time, column) for column in values.T])
-
-    position = at(trajectory.position)
-    velocity = rotation.velocity_relative(position, at(trajectory.velocity))
+    position = interpolate_columns(time, trajectory.time, trajectory.position)
+    inertial = interpolate_columns(time, trajectory.time, trajectory.velocity)
+    velocity = rotation.velocity_relative(position, inertial)
     local_position = enu @ (rotation.to_fixed(time, position) - site)
     local_velocity = enu @ rotation.to_fixed(time, velocity)
     axes = ("east", "north", "up")

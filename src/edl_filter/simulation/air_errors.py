@@ -11,6 +11,7 @@ import numpy as np
 from edl_filter.effects.base import Effect
 from edl_filter.effects.parameters import Values
 from edl_filter.estimation.random_fields import smooth_profile
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.types import Array
 
 #: Altitudes between which the errors of an effect are drawn, and distance of the nodes, m; constant outside.
@@ -72,4 +73,4 @@ class AirError(Effect):
 
     def wind(self, p: Values, altitude: Array) -> Array:
         """Velocity towards east and north ``(N, 2)``, m/s, linear between nodes."""
-        return np.column_stack([np.interp(altitude, self.altitude, column) for column in self.velocity.T])
+        return interpolate_columns(altitude, self.altitude, self.velocity)

@@ -13,15 +13,15 @@ from pydantic import (
     Field,
     PrivateAttr,
     StringConstraints,
-    ValidationError,
     field_validator,
     model_validator,
 )
 
 from edl_filter.errors import InputError
 from edl_filter.mission.effects import ParameterValue
-from edl_filter.mission.error_messages import error_message
+from edl_filter.mission.error_messages import validated
 from edl_filter.mission.fields import KM, PERCENT, Section
+from edl_filter.mission.shipped import BUILTIN
 from edl_filter.mission.validators import Number, Switch, Within, field_error, value_text
 from edl_filter.mission.yaml_text import parse, read_text
 from edl_filter.simulation.scenario import Weather
@@ -212,14 +212,7 @@ class Campaign(Section):
         InputError
             As `load`.
         """
-        if not isinstance(data, dict):
-            raise InputError(
-                f"{label}: found {value_text(data)}; expected a mapping of keys, such as 'name: my_campaign'."
-            )
-        try:
-            campaign = cls.model_validate(data)
-        except ValidationError as error:
-            raise InputError(error_message(error, cls, label)) from None
+        campaign = validated(cls, data, label)
         campaign._source = source
         return campaign
 
@@ -257,7 +250,7 @@ class Campaign(Section):
 
     def path(self, reference: str) -> str:
         """A path of the file as an absolute one; ``builtin:NAME`` unchanged."""
-        if reference.startswith("builtin:"):
+        if reference.startswith(BUILTIN):
             return reference
         folder = Path() if self._source is None else self._source.parent
         return str((folder / Path(reference).expanduser()).absolute())

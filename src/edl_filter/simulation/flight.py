@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.aero.conventions import attack_and_sideslip
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel, invert_entry_state
 from edl_filter.simulation.motion import Motion
@@ -100,7 +101,7 @@ def true_course(forward_model: ForwardModel, motion: Motion, each: int) -> dict[
     """
     time, state = motion.time[::each], motion.state[::each]
     flow = forward_model.flow(time, state[:, :3], state[:, 3:6], state[:, 6:10], state[:, 10:13])
-    u, v, w = flow.velocity_body.T
+    alpha, beta = attack_and_sideslip(flow.velocity_body)
     return {
         "time": time,
         "position": state[:, :3],
@@ -109,8 +110,8 @@ def true_course(forward_model: ForwardModel, motion: Motion, each: int) -> dict[
         "angular_rate": state[:, 10:13],
         "altitude": flow.altitude,
         "air_speed": flow.speed,
-        "alpha": np.arctan2(w, u),
-        "beta": np.arcsin(v / flow.speed),
+        "alpha": alpha,
+        "beta": beta,
         "alpha_total": flow.alpha_total,
         "density": flow.density,
         "mach": flow.mach,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
+from edl_filter.aero.conventions import reference_area
 
 #: Drag coefficient of a disk-gap-band parachute against Mach number, on its nominal area.
 DRAG_MACH = (0.0, 0.6, 0.9, 1.1, 1.4, 1.8, 2.4)
@@ -36,4 +36,4 @@ class Parachute:
     @property
     def area(self) -> float:
         """Nominal area, m²."""
-        return np.pi / 4.0 * self.diameter**2
+        return reference_area(self.diameter)

@@ -6,16 +6,15 @@ The file is YAML in the form of a mission's sections; every error in it is one `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import Field, PrivateAttr, StringConstraints, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, StringConstraints, model_validator
 
 from edl_filter.errors import InputError
 from edl_filter.mission.effects import Effects, effect_instances
-from edl_filter.mission.error_messages import error_message
+from edl_filter.mission.error_messages import validated
 from edl_filter.mission.fields import (
     DEG,
     KM,
@@ -31,10 +30,11 @@ from edl_filter.mission.fields import (
     Utc,
 )
 from edl_filter.mission.measurements import ErrorBudgetConfig
-from edl_filter.mission.mission import Mission
+from edl_filter.mission.mission import Mission, existing_path
+from edl_filter.mission.shipped import BUILTIN, shipped_scenario
 from edl_filter.mission.validators import Number, Quaternion, Within, field_error, normalised, value_text
 from edl_filter.mission.world import VehicleChangeConfig
-from edl_filter.mission.yaml_text import parse, parse_override, read_text, set_key
+from edl_filter.mission.yaml_text import apply_overrides, parse, read_text
 from edl_filter.types import Array
 
 if TYPE_CHECKING:
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
 #: Name of the IMU that drives, as in a flight file.
 DRIVING = "primary"
-_BUILTIN = "builtin:"
 #: Keys that name a file to read.
 _PATH_KEYS = ("mission", "effects.*.file")
 
@@ -266,12 +265,8 @@ class Scenario(Section):
             The file or its mission cannot be read, is not YAML, or a key is unknown, missing or wrong.
         """
         where = str(path)
-        file = _shipped(where[len(_BUILTIN) :]) if where.startswith(_BUILTIN) else Path(path)
-        text, changed = read_text(file), []
-        for override in overrides:
-            key, value = parse_override(override, _PATH_KEYS)
-            text = set_key(text, key, value, where)
-            changed.append(key)
+        file = shipped_scenario(where[len(BUILTIN) :]) if where.startswith(BUILTIN) else Path(path)
+        text, changed = apply_overrides(read_text(file), where, overrides, _PATH_KEYS)
         return cls.from_dict(parse(text, where), where, file, changed)
 
     @classmethod
@@ -285,14 +280,7 @@ class Scenario(Section):
         InputError
             As `load`.
         """
-        if not isinstance(data, dict):
-            raise InputError(
-                f"{where}: found {value_text(data)}; expected a mapping of keys, such as 'name: my_flight'."
-            )
-        try:
-            scenario = cls.model_validate(data)
-        except ValidationError as error:
-            raise InputError(error_message(error, cls, where, changed)) from None
+        scenario = validated(cls, data, where, changed)
         scenario._source = source
         scenario._model = scenario._read_model(where)
         return scenario
@@ -320,15 +308,11 @@ class Scenario(Section):
         return effect_instances(self.effects, self._existing, str(self._source or self.name))
 
     def _existing(self, key: str, reference: str) -> Path:
-        path = Path(reference).expanduser()
-        path = path if self._source is None else self._source.parent / path
-        if not path.is_file():
-            raise InputError(f"{self._source or self.name}: {key}: found {reference!r}, but there is no file {path}.")
-        return path
+        return existing_path(reference, key, self._source, str(self._source or self.name))
 
     def _read_model(self, where: str) -> Mission:
         name = self.mission
-        if not name.startswith(_BUILTIN) and self._source is not None:
+        if not name.startswith(BUILTIN) and self._source is not None:
             name = str(self._source.parent / Path(name).expanduser())
         # a mission may have no telemetry; this flight's does not exist yet
         model = Mission.load(name, ("telemetry.path=simulated.h5",))
@@ -339,13 +323,3 @@ class Scenario(Section):
         if model.vehicle.parachute is None:
             raise InputError(f"{where}: mission: {self.mission} has no vehicle.parachute; a simulation needs it.")
         return model
-
-
-def _shipped(name: str) -> Path:
-    package = Path(str(files("edl_filter")))
-    folders = [above / "missions" / "scenarios" for above in (package, package.parent.parent)]
-    for folder in folders:
-        if (path := folder / f"{name}.yaml").is_file():
-            return path
-    names = sorted({path.stem for folder in folders for path in folder.glob("*.yaml")})
-    raise InputError(f"{_BUILTIN}{name}: found no such scenario; expected one of {', '.join(names)}.")

@@ -180,7 +180,7 @@ def inertial_state(
         m and m/s.
     """
     fixed = ellipsoid.fixed_from_areocentric(latitude, longitude, radius)
-    enu = ellipsoid.enu_from_fixed(latitude, longitude + float(planet.rotation.angle(0.0)))
+    enu = planet.enu_at(0.0, latitude, longitude)
     level = np.cos(flight_path_angle)
     local = speed * np.array([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(flight_path_angle)])
     return planet.rotation.to_inertial(0.0, fixed), local @ enu

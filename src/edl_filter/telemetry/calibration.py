@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration_at
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, sample_edges, within_window
 from edl_filter.telemetry.smoothing import batch_polynomial, differentiated_rates
@@ -269,7 +270,7 @@ def compare(
 
 def record_at_centre_of_mass(record: ImuRecord) -> ImuRecord:
     """Transfer a record to the centre of mass (thesis eq. 3.3), with smoothed rates and accelerations from them."""
-    middle = record.time - 0.5 * record.interval
+    middle = record.middle
     rate = batch_polynomial(middle, record.angular_rate, BATCH)
     acceleration = differentiated_rates(middle, rate, lambda t, v: batch_polynomial(t, v, BATCH))
     return at_centre_of_mass(record, np.asarray(acceleration))
@@ -289,7 +290,7 @@ def _common_forces(a: ImuRecord, b: ImuRecord, start: float, end: float) -> tupl
     coarse, selected = (a, inside[0]) if inside[0].sum() <= inside[1].sum() else (b, inside[1])
     ends = coarse.time[selected]
     means = [_mean_force(record, ends - coarse.interval[selected], ends) for record in (a, b)]
-    covered = np.isfinite(means[0]).all(axis=-1) & np.isfinite(means[1]).all(axis=-1)
+    covered = finite_rows(means[0]) & finite_rows(means[1])
     return means[0][covered], means[1][covered]
 
 
@@ -297,12 +298,12 @@ def _mean_force(record: ImuRecord, start: Array, end: Array) -> Array:
     """Mean forces (K, 3) between times, from the cumulative velocity; NaN where the record does not cover them."""
     knots = record.edges
     step = np.diff(knots)
-    measured = np.isfinite(record.specific_force).all(axis=-1) & (np.abs(step - record.interval) < SAME_TIME)
+    measured = finite_rows(record.specific_force) & (np.abs(step - record.interval) < SAME_TIME)
     velocity_increment = np.where(measured[:, None], record.specific_force * step[:, None], 0.0)
     velocity = np.vstack((np.zeros(3), np.cumsum(velocity_increment, axis=0)))
     missing_time = np.concatenate(([0.0], np.cumsum(np.where(measured, 0.0, step))))
     # A force that is constant over each interval has a velocity that is linear between the knots
-    change = np.stack([np.interp(end, knots, v) - np.interp(start, knots, v) for v in velocity.T], axis=-1)
+    change = interpolate_columns(end, knots, velocity) - interpolate_columns(start, knots, velocity)
     covered = (start >= knots[0] - SAME_TIME) & (end <= knots[-1] + SAME_TIME)
     covered &= np.interp(end, knots, missing_time) - np.interp(start, knots, missing_time) < SAME_TIME
     return np.where(covered[:, None], change / (end - start)[:, None], np.nan)

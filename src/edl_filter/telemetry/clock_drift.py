@@ -14,8 +14,9 @@ from itertools import product
 
 import numpy as np
 
-from edl_filter.imu_model.lever_arm import edge_values
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.estimation.series import finite_rows
+from edl_filter.imu_model.lever_arm import mean_derivative
+from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
 from edl_filter.telemetry.resampling import covered, means_between, readings_integral
 from edl_filter.types import Array
@@ -173,8 +174,8 @@ def _agreement(record: ImuRecord, reference: ImuRecord, end: float) -> _Agreemen
     if used.sum() < FEWEST_SAMPLES:
         return None
     (rate,) = means_between(readings_integral(reference, reference.angular_rate), edges)
-    change = np.diff(edge_values(record.interval, rate), axis=0) / record.interval[:, None]
-    middle = (record.time - 0.5 * record.interval)[used]
+    change = mean_derivative(record.interval, rate)
+    middle = record.middle[used]
     design = _design(rate[used], change[used], middle - middle.mean())
     difference = (record.angular_rate - rate)[used]
     kept = np.ones(len(difference), bool)

@@ -19,6 +19,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import finite_rows
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.io.hdf5_guard import open_hdf5
 from edl_filter.telemetry.hdf5_checks import DEGREE_RATES, DEGREES, PARTS, TIME, Limits, Node
@@ -32,7 +33,6 @@ from edl_filter.telemetry.record import (
     ParachuteFix,
     SampleFinding,
     Telemetry,
-    finite_rows,
 )
 from edl_filter.telemetry.sample_checks import (
     CheckSettings,

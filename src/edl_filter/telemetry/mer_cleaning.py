@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from edl_filter import rotations
+from edl_filter.estimation.series import finite_rows
 from edl_filter.types import Array, BoolArray, IntArray
 
 Gap = tuple[float, float]
@@ -152,7 +153,7 @@ def find_resets(time: Array, register: Array) -> IntArray:
     (R,) integer array
         Index of the first row after each reset.
     """
-    rows = np.flatnonzero(np.isfinite(register).all(axis=1))
+    rows = np.flatnonzero(finite_rows(register))
     norm, step = np.linalg.norm(register[rows], axis=1), np.diff(time[rows])
     before, after = norm[:-1], norm[1:]
     return rows[1:][(before > 5.0) & (after < 0.1 * before) & (after < 60.0 * step)]
@@ -175,7 +176,7 @@ def remove_resets(register: Array, resets: IntArray) -> Array:
     """
     velocity = register.copy()
     for i in resets:
-        last = np.flatnonzero(np.isfinite(register[:i]).all(axis=1))[-1]
+        last = np.flatnonzero(finite_rows(register[:i]))[-1]
         velocity[i:] += register[last]
     return velocity
 

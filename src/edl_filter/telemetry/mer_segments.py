@@ -16,11 +16,12 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.telemetry.joining import GAP, Segment, fill_gaps
 from edl_filter.telemetry.mer_archive import SAMPLE_INTERVAL, MerTables
 from edl_filter.telemetry.partial_readings import partial_readings
-from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.record import SAME_TIME, AttitudeRecord, SampleFinding
 from edl_filter.telemetry.sample_checks import (
     CheckSettings,
     highest_readings,
@@ -352,8 +353,7 @@ def _with_interpolated_rates(segment: Segment) -> Segment:
     finite = finite_rows(segment.rate)
     if finite.all() or not finite.any():
         return segment
-    columns = [np.interp(segment.time, segment.time[finite], values) for values in segment.rate[finite].T]
-    return replace(segment, rate=np.stack(columns, axis=1))
+    return replace(segment, rate=interpolate_columns(segment.time, segment.time[finite], segment.rate[finite]))
 
 
 def _rates_across_gap(

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from edl_filter.estimation.interpolating_spline import PiecewiseSpline
-from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, lever_arm_acceleration
-from edl_filter.telemetry.record import ImuRecord, finite_rows
+from edl_filter.imu_model.lever_arm import EDGE_REACH, lever_arm_acceleration, mean_derivative
+from edl_filter.telemetry.record import ImuRecord
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
 from edl_filter.telemetry.resampling import covered, interpolation_sigma, means_between, readings_integral
 from edl_filter.types import Array, BoolArray
@@ -99,8 +99,8 @@ def pair_of(reference: ImuRecord, checked: ImuRecord, end: float) -> Pair:
     """
     rate, force = np.nan_to_num(reference.angular_rate), np.nan_to_num(reference.specific_force)
 
-    nearest = checked.index_at(reference.time - 0.5 * reference.interval)
-    usable = finite_rows(reference.specific_force) & finite_rows(reference.angular_rate) & ~reference.filled
+    nearest = checked.index_at(reference.middle)
+    usable = reference.complete & ~reference.filled
     usable = minimum_filter1d(usable.astype(np.int8), 2 * EDGE_REACH + 1, mode="nearest") > 0  # changes reach across
     arm = checked.position[nearest] - reference.position
     usable &= ~reference.coning_corrected & ~reference.sculling_corrected & (reference.time <= end)
@@ -140,7 +140,7 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
     edges = reference.edges
     own = pair.rate if triad == "rate" else pair.force
     own_noise = reference.rate_noise if triad == "rate" else reference.force_noise
-    change = np.diff(edge_values(reference.interval, own), axis=0) / reference.interval[:, None]
+    change = mean_derivative(reference.interval, own)
     for _ in range(_DELAY):
         used = pair.usable & covered(pair.checked, edges + delay)
         fitted = used & rows

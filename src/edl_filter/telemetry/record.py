@@ -11,6 +11,7 @@ import numpy as np
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import finite_rows
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -34,11 +35,6 @@ def within_window(time: Array, interval: Array, start: float, end: float) -> Boo
     (N,) boolean array
     """
     return (time - interval >= start - SAME_TIME) & (time <= end + SAME_TIME)
-
-
-def finite_rows(values: Array) -> BoolArray:
-    """Rows (N,) of `values` (N, ...) of which all numbers are finite."""
-    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))), np.bool_)
 
 
 def sample_edges(time: Array, interval: Array) -> Array:
@@ -170,6 +166,16 @@ class ImuRecord:
     def edges(self) -> Array:
         """Edges ``(N + 1,)`` of the samples, s."""
         return sample_edges(self.time, self.interval)
+
+    @property
+    def middle(self) -> Array:
+        """Middle ``(N,)`` of each sample's interval, s."""
+        return self.time - 0.5 * self.interval
+
+    @property
+    def complete(self) -> BoolArray:
+        """Samples ``(N,)`` of which all values are finite."""
+        return finite_rows(self.specific_force) & finite_rows(self.angular_rate)
 
     @property
     def filled(self) -> BoolArray:

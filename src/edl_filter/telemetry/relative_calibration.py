@@ -22,12 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter import rotations
-from edl_filter.imu_model.lever_arm import edge_values, lever_arm_acceleration
+from edl_filter.imu_model.lever_arm import lever_arm_acceleration, mean_derivative
 from edl_filter.imu_model.sensor_errors import reading_jacobian
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, within_window
+from edl_filter.telemetry.record import ImuRecord, within_window
 from edl_filter.telemetry.resampling import (
     GAP_REACH,
     comparable_records,
+    covered_by,
     means_between,
     near_lost,
     readings_integral,
@@ -130,7 +131,8 @@ def relative_calibration(
     reference, checked = comparable_records(reference, checked)
     first, last = max(start, reference.start, checked.start), min(end, reference.time[-1], checked.time[-1])
     inside = within_window(reference.time, reference.interval, first, last)
-    used = inside & _direct(reference, first, last) & _covered(reference, checked, first, last)
+    covered = covered_by(checked, _direct(checked, first, last), reference.edges)
+    used = inside & _direct(reference, first, last) & covered
     if np.count_nonzero(used) < FEWEST_SAMPLES:
         return None
     offset = _places(reference, checked)
@@ -141,7 +143,7 @@ def relative_calibration(
     def arm_acceleration(arm: Array) -> Array:
         if faster is reference:
             return lever_arm_acceleration(reference.interval, rate, arm, reference.unit)
-        rows = reference.index_at(faster.time - 0.5 * faster.interval)
+        rows = reference.index_at(faster.middle)
         rates = np.nan_to_num(faster.angular_rate)
         acceleration = lever_arm_acceleration(faster.interval, rates, arm[rows], faster.unit)
         return means_between(readings_integral(faster, acceleration), edges)[0]
@@ -184,13 +186,13 @@ def relative_calibration(
 
 def _places(reference: ImuRecord, checked: ImuRecord) -> Array:
     """Place of the checked IMU from the reference IMU at the samples of the latter (N, 3), m."""
-    return checked.position[checked.index_at(reference.time - 0.5 * reference.interval)] - reference.position
+    return checked.position[checked.index_at(reference.middle)] - reference.position
 
 
 def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     """Samples (N,) that are readings of the instrument which has most samples in the window, away from gaps."""
     readings = ~record.coning_corrected & ~record.sculling_corrected & ~record.filled
-    readings &= np.isfinite(record.specific_force).all(axis=1) & np.isfinite(record.angular_rate).all(axis=1)
+    readings &= record.complete
     units = record.unit[readings & within_window(record.time, record.interval, first, last)]
     if not len(units):
         return np.zeros(len(readings), bool)
@@ -200,22 +202,9 @@ def _direct(record: ImuRecord, first: float, last: float) -> BoolArray:
     return ~gaps
 
 
-def _covered(reference: ImuRecord, checked: ImuRecord, first: float, last: float) -> BoolArray:
-    """Samples (N,) of the reference whose interval is covered by direct readings of the checked IMU."""
-    direct = _direct(checked, first, last)
-    count = np.concatenate(([0], np.cumsum(~direct)))
-    begin = np.searchsorted(checked.time, reference.time - reference.interval + SAME_TIME)
-    end = np.searchsorted(checked.time, reference.time - SAME_TIME) + 1
-    valid = end <= len(checked.time)
-    out = np.zeros(len(reference.time), bool)
-    out[valid] = count[end[valid]] == count[begin[valid]]
-    return out & (reference.time - reference.interval >= checked.start - SAME_TIME)
-
-
 def _design(reference: ImuRecord, force: Array, rate: Array, used: BoolArray, arm: list[Array]) -> Array:
     """Derivatives ``(6, n, P)`` of the differences by the parameters: three axes of force, three of rate."""
-    interval = reference.interval[:, None]
-    force_change, rate_change = (np.diff(edge_values(reference.interval, x), axis=0) / interval for x in (force, rate))
+    force_change, rate_change = (mean_derivative(reference.interval, x) for x in (force, rate))
     columns = dict(zip(_BLOCKS, np.cumsum([0, *_BLOCKS.values()]), strict=False))
     design = np.zeros((6, int(used.sum()), sum(_BLOCKS.values())))
     of_force, of_rate = design[:3], design[3:]

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from edl_filter.estimation.interpolating_spline import DEGREE, PiecewiseSpline, piecewise_integral
+from edl_filter.estimation.series import finite_rows
 from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_weights, lever_arm_acceleration
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array, BoolArray
 
 #: Samples on each side of a gap that are not used: the reach of the interpolation.
@@ -67,7 +68,7 @@ def moved_to(record: ImuRecord, target: ImuRecord) -> ImuRecord:
         The noise of its specific force contains the error of the interpolation between the rates. The force is NaN
         where the interpolation reaches a rate that is lost.
     """
-    place = target.position[target.index_at(record.time - 0.5 * record.interval)]
+    place = target.position[target.index_at(record.middle)]
     arm, rate = place - record.position, np.nan_to_num(record.angular_rate)
     reached = near_lost(~finite_rows(record.angular_rate))
     force = record.specific_force + lever_arm_acceleration(record.interval, rate, arm, record.unit)
@@ -99,7 +100,7 @@ def averaged(record: ImuRecord, target: ImuRecord) -> ImuRecord:
     edges = target.edges
     means = means_between(readings_integral(record, record.specific_force, record.angular_rate), edges)
     force, rate = (np.where(covered(record, edges)[:, None], mean, np.nan) for mean in means)
-    nearest = record.index_at(target.time - 0.5 * target.interval)
+    nearest = record.index_at(target.middle)
     share = np.sqrt(np.minimum(record.interval[nearest] / target.interval, 1.0))
     unchanged = {
         name: getattr(record, name)[nearest]
@@ -225,8 +226,26 @@ def covered(record: ImuRecord, edges: Array) -> BoolArray:
 
     Near a lost sample a spline of `readings_integral` ends, where it amplifies noise.
     """
-    lost = near_lost(~(finite_rows(record.specific_force) & finite_rows(record.angular_rate)))
-    count = np.concatenate(([0], np.cumsum(lost)))
+    return covered_by(record, ~near_lost(~record.complete), edges)
+
+
+def covered_by(record: ImuRecord, usable: BoolArray, edges: Array) -> BoolArray:
+    """Intervals between edges that certain samples of a record cover.
+
+    Parameters
+    ----------
+    record : ImuRecord
+        Of N samples.
+    usable : (N,) boolean array
+        Samples that may cover an interval.
+    edges : (M + 1,) array
+        s.
+
+    Returns
+    -------
+    (M,) boolean array
+    """
+    count = np.concatenate(([0], np.cumsum(~usable)))
     begin = np.searchsorted(record.time, edges[:-1] + SAME_TIME)
     end = np.searchsorted(record.time, edges[1:] - SAME_TIME) + 1
     inside = (edges[:-1] >= record.start - SAME_TIME) & (end <= len(record.time))

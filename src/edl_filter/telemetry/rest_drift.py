@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from edl_filter import rotations
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry, finite_rows
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.types import Array
 
 #: Kind of the finding.
@@ -97,13 +97,13 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
     information, weighted, turning, weighted_force = np.zeros((4, 3))
     end = start
     for record in records:
-        read = finite_rows(record.specific_force) & finite_rows(record.angular_rate) & ~record.filled
+        read = record.complete & ~record.filled
         at_rest = read & (record.time - record.interval >= start - SAME_TIME)
         if np.count_nonzero(at_rest) < _FEWEST or not np.any(record.force_noise[at_rest]):
             continue
         window = record.select(at_rest)
         force = window.specific_force
-        middle = window.time - 0.5 * window.interval
+        middle = window.middle
         time = middle - middle.mean()
         slope = time @ force / (time @ time)
         residual = force - force.mean(axis=0) - time[:, None] * slope

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import pdtrc
 
-from edl_filter.estimation.series import runs
-from edl_filter.telemetry.record import SampleFinding, finite_rows
+from edl_filter.estimation.series import finite_rows, runs
+from edl_filter.telemetry.record import SampleFinding
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: A step in time longer than this many sampling intervals is a gap.

@@ -24,9 +24,9 @@ import numpy as np
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.estimation.gauss_markov import estimate_in_stretch
-from edl_filter.estimation.series import runs
+from edl_filter.estimation.series import finite_rows, runs
 from edl_filter.telemetry.partial_readings import given_readings, keep_read_axes, lost_axis
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.transfer import TransferredReadings, transferred
 from edl_filter.types import Array, BoolArray, IntArray
@@ -50,11 +50,6 @@ _FULL = 2.0
 #: Fewest values from which the drag of the full canopy is extrapolated.
 _LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
-
-
-def is_complete(record: ImuRecord) -> bool:
-    """Whether no value of a record is lost."""
-    return bool(np.isfinite(record.specific_force).all() and np.isfinite(record.angular_rate).all())
 
 
 def filled(
@@ -84,7 +79,7 @@ def filled(
     InputError
         A stretch is lost that is too long to be filled without another IMU.
     """
-    if is_complete(record):
+    if record.complete.all():
         return record, []
     partial = {"force": record.partial_force, "rate": record.partial_rate}
     repairs: list[tuple[float, float, str]] = []
@@ -159,7 +154,7 @@ def with_limits(record: ImuRecord, findings: Sequence[SampleFinding]) -> ImuReco
     """
     values = {"force": record.specific_force.copy(), "rate": record.angular_rate.copy()}
     sigmas = {"force": record.force_fill_sigma.copy(), "rate": record.rate_fill_sigma.copy()}
-    middle = record.time - 0.5 * record.interval
+    middle = record.middle
     for finding in findings:
         if finding.limit is None or finding.imu != record.name:
             continue
@@ -204,8 +199,8 @@ def _remaining_difference(
     """
     own = record.specific_force if triad == "force" else record.angular_rate
     difference = own - getattr(source, triad)
-    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2) * float(np.median(record.interval[a:b]))
-    middle = record.time - 0.5 * record.interval
+    side = _side(a, b) * float(np.median(record.interval[a:b]))
+    middle = record.middle
     near = (middle > middle[a] - side) & (middle < middle[b - 1] + side)
     near &= finite_rows(difference) & _same_kind(record, a)
     same_part = near & _same_part(record, a, parachute)
@@ -346,9 +341,14 @@ def _shortening(record: ImuRecord, force: Array, rate_sigma: Array, filled: Bool
     return variance
 
 
+def _side(a: int, b: int) -> int:
+    """Number of samples on each side from which the stretch ``[a, b)`` is estimated."""
+    return max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
+
+
 def _neighbours(record: ImuRecord, a: int, b: int) -> tuple[BoolArray, int, int]:
     """Samples ``[first, last)`` about the stretch ``[a, b)``, and which of them are of its kind and regular."""
-    side = max(_LEAST_SIDE, int(_SIDE_RATIO * (b - a)) + _LEAST_SIDE // 2)
+    side = _side(a, b)
     first, last = max(0, a - side), min(len(record), b + side)
     interval = record.interval[a]
     regular = np.abs(record.interval[first:last] - interval) < 0.2 * interval

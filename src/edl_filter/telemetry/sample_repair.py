@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.telemetry.clock_drift import without_drift, without_relative_drift
 from edl_filter.telemetry.disagreement import TRIADS, disagreements
 from edl_filter.telemetry.record import (
@@ -28,7 +29,6 @@ from edl_filter.telemetry.record import (
     InitialState,
     SampleFinding,
     Telemetry,
-    finite_rows,
     within_window,
 )
 from edl_filter.telemetry.resampling import with_interpolation_noise
@@ -39,7 +39,6 @@ from edl_filter.telemetry.sample_filling import (
     BY_AUTOREGRESSION,
     PARACHUTE_MARGIN,
     filled,
-    is_complete,
     with_limits,
 )
 from edl_filter.telemetry.spikes import bad_triads
@@ -108,7 +107,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         findings += _disagreements(records, drifts, settings, smooth_until)
     unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
     nothing_bad = all(f.kind in _KEPT for f in findings)
-    if nothing_bad and unchanged and all(is_complete(record) for record in records):
+    if nothing_bad and unchanged and all(record.complete.all() for record in records):
         checking = tuple(with_interpolation_noise(record, records[0]) for record in records[1:])
         same = all(a is b for a, b in zip(checking, telemetry.checking, strict=True))
         if findings != list(telemetry.findings):
@@ -291,16 +290,15 @@ def _without_clock_jumps(
     for gap in [f for f in findings if f.imu == record.name and f.kind == "missing"]:
         length = gap.end - gap.start
         window = within_window(record.time, record.interval, gap.end, gap.end + _JUMP_WINDOW)
-        middle = record.time[window] - 0.5 * record.interval[window]
+        middle = record.middle[window]
         own, read = record.angular_rate[window], finite_rows(second.angular_rate)
-        reach = second.time[read] - 0.5 * second.interval[read]
+        reach = second.middle[read]
         usable = finite_rows(own)
         if usable.sum() < _JUMP_SAMPLES or len(reach) < _JUMP_SAMPLES or not reach[0] < gap.start < gap.end < reach[-1]:
             continue
         mean_square = []
         for shift in (length, 0.0):
-            rates = [np.interp(middle[usable] - shift, reach, c) for c in second.angular_rate[read].T]
-            difference = own[usable] - np.stack(rates, axis=1)
+            difference = own[usable] - interpolate_columns(middle[usable] - shift, reach, second.angular_rate[read])
             mean_square.append(float(np.mean((difference - np.mean(difference, axis=0)) ** 2)))
         if mean_square[0] > _JUMP_RATIO * mean_square[1]:
             continue

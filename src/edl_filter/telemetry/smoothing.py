@@ -125,6 +125,25 @@ def batch_weights(points: int, order: int) -> Array:
     return q @ q[points // 2]
 
 
+def batch_polynomial_gain(frequency: ArrayLike, points: int, order: int) -> Array:
+    """Gain of `batch_polynomial` at the centre of a batch of evenly spaced samples.
+
+    Parameters
+    ----------
+    frequency : (...) array
+        Cycles per sample, 0 to 0.5.
+    points, order : int
+        As for `batch_polynomial`.
+
+    Returns
+    -------
+    (...) array
+        1 at zero frequency; negative where the phase is opposite.
+    """
+    lag = np.arange(points) - points // 2
+    return np.cos(2.0 * np.pi * np.multiply.outer(frequency, lag)) @ batch_weights(points, order)
+
+
 def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> float:
     """Bandwidth of `batch_polynomial`: the lowest frequency at which it passes half the power (-3 dB).
 
@@ -141,20 +160,16 @@ def batch_polynomial_bandwidth(points: int, order: int, interval: float) -> floa
         Hz; the Nyquist frequency if the filter passes more at all frequencies (as with ``points = order + 1``).
     """
     _check_batch(points, order)
-    weights = batch_weights(points, order)
-    lag = np.arange(points) - points // 2
-
-    def gain_above_half_power(cycles_per_sample):
-        return np.cos(2.0 * np.pi * cycles_per_sample * lag) @ weights - _HALF_POWER_GAIN
-
     # The main lobe is a few / points wide: a grid of 1 / (32 points) resolves its edge
-    below = np.flatnonzero(np.abs(np.fft.rfft(weights, 32 * points)) < _HALF_POWER_GAIN)
+    response = np.abs(np.fft.rfft(batch_weights(points, order), 32 * points))
+    below = np.flatnonzero(response < _HALF_POWER_GAIN)
     if not below.size:
         return 0.5 / interval
     low, high = (below[0] - 1) / (32 * points), below[0] / (32 * points)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if gain_above_half_power(middle) > 0.0 else (low, middle)
+        above = batch_polynomial_gain(middle, points, order) > _HALF_POWER_GAIN
+        low, high = (middle, high) if above else (low, middle)
     return float(0.5 * (low + high)) / interval
 
 

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
-from edl_filter.estimation.series import runs
-from edl_filter.telemetry.record import ImuRecord, SampleFinding, finite_rows
+from edl_filter.estimation.series import finite_rows, runs
+from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.resampling import samples_less_often
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, interpolation_error
 from edl_filter.telemetry.transfer import transferred

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from edl_filter.imu_model.lever_arm import EDGE_REACH, edge_values, lever_arm_acceleration
+from edl_filter.estimation.series import finite_rows
+from edl_filter.imu_model.lever_arm import EDGE_REACH, lever_arm_acceleration, mean_derivative
 from edl_filter.imu_model.sensor_errors import remove_errors
-from edl_filter.telemetry.record import ImuRecord, finite_rows
+from edl_filter.telemetry.record import ImuRecord
 from edl_filter.telemetry.relative_calibration import relative_calibration
 from edl_filter.telemetry.resampling import (
     angular_acceleration_error,
@@ -106,7 +107,7 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     # on the other IMU's samples: remove its errors; f × φ = m × f with the misalignment m = -φ
     rate = remove_errors(source.angular_rate, -rate_alignment, bias=rate_bias)
     force = remove_errors(source.specific_force, -force_alignment, np.array([scale, 0.0, 0.0]), force_bias)
-    nearest = reference.index_at(source.time - 0.5 * source.interval - delay)
+    nearest = reference.index_at(source.middle - delay)
     offset = source.position - reference.position[nearest] + arm
     lost = ~(finite_rows(force) & finite_rows(rate))
     moved = np.where(lost[:, None], 0.0, rate)
@@ -117,11 +118,11 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     usable = covered(source, edges)
     integral = readings_integral(source, force, rate)
     means = [np.where(usable[:, None], mean, np.nan) for mean in means_between(integral, edges)]
-    middle = source.index_at(reference.time - 0.5 * reference.interval + delay)
+    middle = source.index_at(reference.middle + delay)
     errors = [maximum_filter1d(np.abs(error), 3, axis=0) for error in means_error(source, edges, force, rate)]
     errors[0] = np.hypot(errors[0], maximum_filter1d(arm_error, 3, axis=0)[middle])
     known = np.nan_to_num(means[0]), np.nan_to_num(means[1])
-    change = [np.diff(edge_values(reference.interval, v), axis=0) / reference.interval[:, None] for v in known]
+    change = [mean_derivative(reference.interval, v) for v in known]
     square = np.sum(known[1] ** 2, axis=1, keepdims=True)
     force_error = np.sqrt(
         force_bias_sigma**2

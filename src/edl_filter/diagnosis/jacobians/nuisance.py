@@ -33,7 +33,7 @@ import numpy as np
 from edl_filter.aero.discrepancy import FIELD_COEFFICIENTS, AngleModes, DiscrepancyPrior
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.imu_model.sensor_errors import SENSOR_STATES
-from edl_filter.navigation.layout import Layout
+from edl_filter.navigation.layout import Layout, consecutive_slices
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.types import Array
 
@@ -166,10 +166,8 @@ def nuisance_layout(
         sizes["mass"] = 1
     if uncertainty.inertia > 0.0:
         sizes["inertia"] = 1
-    slices, start = {}, layout.size
-    for name, size in sizes.items():
-        slices[name] = slice(start, start + size)
-        start += size
+    slices = consecutive_slices(sizes, layout.size)
+    start = layout.size + sum(sizes.values())
     fields = {}
     for name, mode in modes.items():
         fields[name] = slice(start, start + mode.count)

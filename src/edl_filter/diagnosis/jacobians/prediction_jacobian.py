@@ -33,6 +33,7 @@ from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.parameters import Parameter, Values
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
+from edl_filter.navigation.layout import consecutive_slices
 from edl_filter.types import Array
 
 #: Steps of the differences with respect to position (m), velocity (m/s), attitude (rad), and the rate (rad/s).
@@ -150,17 +151,13 @@ def prediction_jacobian(
                 force_columns.append(by_force)
                 rate_columns.append(by_rate)
             widths[f"field_{name}"] = mode.count
-    columns, start = {}, 0
-    for name, width in widths.items():
-        columns[name] = slice(start, start + width)
-        start += width
     departure, by_regime = _nonlinearity_in_density(model, bins, nodes, uncertainty.density)
     quadrature = [fine_rule_sigma(correction) for correction in residuals.quadrature_correction]
     unresolved = _time_resolution_sigma(model, bins, flow, tables)
     return PredictionJacobian(
         force=np.stack(force_columns, axis=2),
         rate_step=np.stack(rate_columns, axis=2),
-        columns=columns,
+        columns=consecutive_slices(widths),
         force_nonlinearity=np.sqrt(departure[0] ** 2 + quadrature[0] ** 2 + unresolved[0] ** 2),
         rate_step_nonlinearity=np.sqrt(departure[1] ** 2 + quadrature[1] ** 2 + unresolved[1] ** 2),
         force_by_regime=by_regime[0],

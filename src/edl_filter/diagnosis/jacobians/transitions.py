@@ -19,8 +19,9 @@ from edl_filter.navigation import strapdown
 from edl_filter.navigation.ekf import difference_steps
 from edl_filter.navigation.filter import SAME_EPOCH, Problem, merge
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.interval_noise import OnboardRotations, process_noise_of_intervals
 from edl_filter.navigation.layout import ONBOARD, State, sensor_maps, sigma_states
+from edl_filter.navigation.noise import process_noise_of_intervals
+from edl_filter.navigation.propagation import OnboardRotations
 from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.types import Array, BoolArray, IntArray
 

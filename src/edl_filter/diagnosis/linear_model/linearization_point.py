@@ -24,6 +24,7 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import CoefficientUnits, FieldPerturbation, Perturbation
 from edl_filter.effects.types import FlightCondition
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.navigation.layout import State
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.types import Array, IntArray
@@ -142,7 +143,7 @@ def states_at_edges(index: RowIndex, bins: TimeBins, row_start: IntArray, states
     used, step = index.step_of_bins(row_start)
     if not len(used):
         return np.zeros((len(bins.edges), states.shape[1]))
-    return np.stack([np.interp(bins.edges, bins.edges[1:][used], values) for values in states[step].T], axis=1)
+    return interpolate_columns(bins.edges, bins.edges[1:][used], states[step])
 
 
 def states_of_bins(

@@ -18,6 +18,7 @@ from scipy.interpolate import CubicSpline
 from edl_filter import rotations
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.estimation.interpolating_spline import InterpolatingSpline, integral_spline
+from edl_filter.estimation.series import interpolate_columns
 from edl_filter.navigation.filter import Problem
 from edl_filter.navigation.layout import sensor_maps
 from edl_filter.navigation.trajectory import propagate_state
@@ -165,7 +166,7 @@ def displace_nodes(nodes: PathNodes, edges: Array, deviation: Array) -> PathNode
     deviation : (B + 1, 9) array
         Of position (m), velocity (m/s) and attitude (rotation vector, rad, body axes) at the edges; linear in between.
     """
-    change = np.stack([np.interp(nodes.time, edges, values) for values in deviation.T], axis=1)
+    change = interpolate_columns(nodes.time, edges, deviation)
     attitude = rotations.multiply(nodes.nav[:, 6:], rotations.from_rotation_vector(change[:, 6:]))
     return replace(nodes, nav=np.concatenate((nodes.nav[:, :6] + change[:, :6], attitude), axis=1))
 

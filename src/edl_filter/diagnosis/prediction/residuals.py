@@ -316,7 +316,7 @@ def interpolation_errors(
         return resampling_error(rotation, bins, record, error)
 
     rates = [rate_error(rotation, record, effects, driving) for record, driving in records]
-    of_samples = rates[0][inputs.driving.index_at(samples.time - 0.5 * samples.interval)]
+    of_samples = rates[0][inputs.driving.index_at(samples.middle)]
     positions = [positions_at(record, samples) for record, _ in records]
     lever_arm = lever_arm_error(rotation, samples, of_samples, positions)
     return InterpolationErrors(
@@ -446,4 +446,4 @@ def lever_arm_readings(record: ImuRecord, samples: Samples, sample_rate: Array) 
 
 def positions_at(record: ImuRecord, samples: Samples) -> Array:
     """Place of an IMU from the centre of mass at the samples of the driving one ``(N, 3)``, m, body axes."""
-    return record.position[record.index_at(samples.time - 0.5 * samples.interval)]
+    return record.position[record.index_at(samples.middle)]

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.estimation.interpolating_spline import DEGREE, InterpolatingSpline
+from edl_filter.estimation.series import finite_rows
 from edl_filter.navigation.increments import Samples
-from edl_filter.telemetry.record import SAME_TIME, ImuRecord, finite_rows, sample_edges
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, sample_edges
 from edl_filter.types import Array, BoolArray, IntArray
 
 #: Length of a sample, relative to that which bins approach, from which each sample is a bin.
