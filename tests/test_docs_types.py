@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
@@ -33,6 +35,7 @@ def check(folder, modules):
     return process.stdout + process.stderr, process.returncode
 
 
+@pytest.mark.slow
 def test_python_examples_have_no_type_errors(tmp_path):
     examples = blocks()
     assert len(examples) >= 7

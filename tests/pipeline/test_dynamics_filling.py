@@ -86,7 +86,9 @@ def without_axis(record, key, start, end):
     return {key: np.where(lost[:, None], np.nan, values), partial: np.where(lost[:, None, None], pair, 0.0)}, lost
 
 
-@pytest.mark.parametrize(("key", "largest"), [("angular_rate", 5e-4), ("specific_force", 0.03)])
+@pytest.mark.parametrize(
+    ("key", "largest"), [pytest.param("angular_rate", 5e-4, marks=pytest.mark.slow), ("specific_force", 0.03)]
+)
 def test_axes_that_are_read_are_kept_where_one_axis_is_lost(key, largest, inputs):
     """Of rates of 0.1 rad/s, which the database alone predicts to 0.02 rad/s; of lateral forces."""
     mission, telemetry, planet, atmosphere = inputs
@@ -112,6 +114,7 @@ def test_axes_that_are_read_are_kept_where_one_axis_is_lost(key, largest, inputs
     np.testing.assert_array_equal(getattr(outcome, other), getattr(truth, other))
 
 
+@pytest.mark.slow
 def test_axes_that_are_read_within_a_stretch_of_the_other_triad_are_kept(inputs):
     """All rates are lost for longer than one axis of the force."""
     mission, telemetry, planet, atmosphere = inputs
@@ -174,7 +177,9 @@ def rates_lost(telemetry, start, end, axis=None):
     return repaired(gap, parachute=PARACHUTE), lost
 
 
-@pytest.mark.parametrize(("axis", "lateral"), [(None, [1, 2]), (np.array([0.0, 0.0, 1.0]), [1])])
+@pytest.mark.parametrize(
+    ("axis", "lateral"), [pytest.param(None, [1, 2], marks=pytest.mark.slow), (np.array([0.0, 0.0, 1.0]), [1])]
+)
 def test_rates_that_are_lost_leave_the_forces_as_they_are_read(axis, lateral, inputs):
     """All gyros, or one along a body axis: angles within five seconds, and the velocity's sigma by their errors."""
     mission, telemetry, planet, atmosphere = inputs

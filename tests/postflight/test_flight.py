@@ -51,7 +51,8 @@ def test_sigmas_of_products_of_inertia_widen_the_bands_of_the_moments(practice_0
 
 
 @pytest.mark.parametrize(
-    ("length", "lost", "triads"), [(0.375, False, "both"), (3.0, True, "both"), (3.0, True, "rate")]
+    ("length", "lost", "triads"),
+    [(0.375, False, "both"), (3.0, True, "both"), pytest.param(3.0, True, "rate", marks=pytest.mark.slow)],
 )
 def test_no_coefficient_is_that_of_a_stretch_that_no_imu_has_read(length, lost, triads, builtin_flight):
     """The database's dynamics have filled it, and would be compared with the database; a short one is interpolated."""
