@@ -218,6 +218,25 @@ def test_a_search_from_any_place_ends_at_the_same_colour(monkeypatch):
     assert search(colour.places)[1] <= 9 < count
 
 
+@pytest.mark.parametrize("variance", [2.25, 9.0, 36.0])
+def test_with_one_correlation_time_the_factor_is_searched(variance):
+    """Noise of variance 9 over an excess that is too small, right or too large by a factor of four."""
+    settings = DecisionSettings(excess_memories_s=(0.4,))
+    model, index = six_axes(count=120)
+    process = 3.0 * gauss_markov(np.random.default_rng(11), 120, 0.1, (0.4, 0.4))
+    residuals, excess, mean = residuals_with(1, model, index, process), excess_of(index, variance), np.zeros(model.size)
+    colour = most_likely_colour(-np.inf, model, index, excess, residuals, mean, settings)
+    factors = settings.excess_colour_factors
+    likelihoods = {
+        (j, k): kalman.log_likelihood(
+            colour_excess(model, index, excess, np.full(2, 0.4), np.array([factors[j], factors[k]])), residuals, mean
+        )
+        for j, k in product(range(len(factors)), repeat=2)
+    }
+    best = max(likelihoods, key=likelihoods.get)
+    assert colour.places == ((0, best[0]), (0, best[1]))
+
+
 @pytest.mark.parametrize(("margin", "chosen_colour"), [(0.5, True), (-0.5, False)])
 def test_colour_costs_the_logarithm_of_the_number_of_candidates(margin, chosen_colour):
     """A candidate that gains less than the price leaves the noise white; the price is of all, tried or not."""

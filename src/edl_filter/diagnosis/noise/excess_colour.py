@@ -31,6 +31,8 @@ _AXES, _AXES_EACH = 6, 3
 #: Steps on the grid: of the correlation time, and along the ridge of the likelihood. The data determine the ratio of
 #: variance and time best, so that both increase together there.
 _STEPS = ((1, 0), (-1, 0), (1, 1), (-1, -1))
+#: With a single correlation time.
+_STEPS_OF_FACTOR = ((0, 1), (0, -1))
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,7 @@ def most_likely_colour(
         return None
     constant = _with_constant_excess(model, index, excess)  # large: one for all places
     shape = len(settings.excess_memories_s), len(settings.excess_colour_factors)
+    steps = _STEPS if shape[0] > 1 else _STEPS_OF_FACTOR
 
     def evaluate(places: ColourPlaces) -> float:
         coloured = _coloured(constant, index, excess, *_values(places, settings))
@@ -172,7 +175,7 @@ def most_likely_colour(
     # uphill on the grid, forces and moments in turn, until neither has a more likely place
     fixed, kind = 0, 0
     while fixed < len(places):
-        neighbours = [_replaced(places, kind, (places[kind][0] + a, places[kind][1] + b)) for a, b in _STEPS]
+        neighbours = [_replaced(places, kind, (places[kind][0] + a, places[kind][1] + b)) for a, b in steps]
         new = [p for p in neighbours if p not in likelihoods and _is_on_grid(p[kind], shape)]
         likelihoods |= zip(new, map_threads(evaluate, new), strict=True)
         best = max((places, *(p for p in neighbours if p in likelihoods)), key=lambda p: likelihoods[p])
