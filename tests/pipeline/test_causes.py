@@ -119,6 +119,7 @@ def test_another_convention_of_the_quaternion_at_entry_is_named(inputs, conventi
     assert causes[0].kind == "entry_state" and text in causes[0].sentence and causes[0].consistent
 
 
+@pytest.mark.slow
 def test_a_record_whose_repair_overflows_is_refused(inputs):
     mission, telemetry, planet, atmosphere = inputs
 

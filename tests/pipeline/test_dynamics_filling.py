@@ -195,6 +195,7 @@ def test_rates_that_are_lost_leave_the_forces_as_they_are_read(axis, lateral, in
     assert np.all(np.abs(turned)[lateral] < 4.0 * sigma[lateral])
 
 
+@pytest.mark.slow
 def test_a_window_has_the_force_where_it_is_read_while_rates_are_lost(inputs):
     """Readings, their axes and the lever arm; a sample whose values do not contain its readings is lost whole."""
     mission, telemetry, planet, atmosphere = inputs

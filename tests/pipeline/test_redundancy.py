@@ -54,7 +54,7 @@ def noise(size):
 @pytest.mark.parametrize(
     ("at_fault", "changes", "end"),
     [
-        ("primary", {RATE: lambda v: v * [1.0, -1.0, 1.0]}, np.inf),
+        pytest.param("primary", {RATE: lambda v: v * [1.0, -1.0, 1.0]}, np.inf, marks=pytest.mark.slow),
         ("primary", {FORCE: lambda v: 1.01 * v}, np.inf),
         ("primary", {RATE: noise(1e-3)}, 130.0),
         ("secondary", {RATE: lambda v: v + np.array([0.0, 1e-3, 0.0])}, np.inf),

@@ -88,6 +88,7 @@ def test_the_points_density_is_nearer_to_the_truth_than_the_tables(tmp_path):
     assert np.std(np.log(flow.density[felt]) - true) < 0.5 * np.std(table - true)
 
 
+@pytest.mark.slow
 def test_the_onboard_attitude_can_be_excluded(spirit):
     model = linearize(flight_case(spirit))
     layout, start = model.nuisance.layout, model.point.start

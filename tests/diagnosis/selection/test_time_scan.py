@@ -16,6 +16,7 @@ from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
 
 
+@pytest.mark.slow
 def test_a_scan_corrects_a_time_in_a_local_maximum(late_model):
     """Gauss-Newton ends before the true time: only the bins within the derivative's step change the likelihood."""
     whiten = late_model.fitted_noise_filter
