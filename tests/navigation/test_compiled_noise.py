@@ -31,6 +31,19 @@ def test_noise_of_samples_is_that_of_the_reference(force, rate):
         np.testing.assert_array_equal(covariance, before)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_noise_along_one_axis_is_in_the_part_that_an_on_board_attitude_does_not_share(axis):
+    """Without noise of the forces and with no shared noise both covariances are equal."""
+    random = np.random.default_rng(8)
+    s = uneven_samples(random)
+    middle, _ = sample_attitudes(s.interval, s.rate, rotations.normalise(random.standard_normal(4)))
+    variance = np.zeros_like(s.force)
+    variance[:, axis] = 1e-8
+    covariance, unshared = noise_of_samples(s.interval, middle, s.force, 0.0 * variance, variance, variance)
+    assert np.all(np.diag(covariance)[6:] > 0.0)
+    np.testing.assert_array_equal(unshared, covariance)
+
+
 def onboard_rotation(samples):
     """Derivatives by rate and by mounting, as sums of matrices."""
     middle, end = sample_attitudes(samples.interval, samples.rate, IDENTITY)
