@@ -126,3 +126,14 @@ def test_a_layout_without_onboard_states_has_no_corrections():
     turns = OnboardRotations.over_all(layout, random_samples(np.random.default_rng(3), 10))
     assert not turns.jacobians
     np.testing.assert_array_equal(turns.corrections(layout, np.ones((layout.size, 2))), [[[0.0, 0.0, 0.0, 1.0]] * 2])
+
+
+def test_the_net_rotation_is_the_product_of_the_samples_rotations():
+    """Of the rates that were used on board, which differ from the samples'."""
+    rng = np.random.default_rng(4)
+    samples = random_samples(rng, 10)
+    samples = replace(samples, onboard_rate=samples.rate + 0.05 * rng.standard_normal((10, 3)))
+    expected = np.array([0.0, 0.0, 0.0, 1.0])
+    for interval, rate in zip(samples.interval, samples.onboard_rate, strict=True):
+        expected = rotations.multiply(expected, rotations.from_rotation_vector(interval * rate))
+    np.testing.assert_allclose(OnboardRotations.over_all(LAYOUT, samples).net[0], expected, atol=1e-13)
