@@ -1,7 +1,10 @@
-"""Threads: order of the results, errors, and one BLAS thread inside."""
+"""Threads and copies of the process: order of the results, errors, and one BLAS thread inside."""
 
 import os
 import runpy
+import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -9,7 +12,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from edl_filter.estimation import parallel
-from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread, processors, start_thread
+from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread, processors, started
 
 
 def blas_threads():
@@ -65,18 +68,149 @@ def test_the_number_of_blas_threads_is_restored():
 def test_an_error_in_a_thread_is_raised():
     with pytest.raises(ZeroDivisionError):
         map_threads(lambda x: 1 / x, [1, 0])
-    result = start_thread(lambda: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
+
+
+BEGIN = """
+import os, signal, sys, threading, time
+from edl_filter.estimation import parallel
+from edl_filter.estimation.parallel import map_processes, simultaneous, started
+parallel.THREADS = 2
+first = os.getpid()
+in_copy = lambda: os.getpid() != first
+"""
+
+
+def run(code, exit_code=0):
+    """Words that a script prints in a process of its own, which has one thread and may be copied."""
+    command = [sys.executable, "-c", BEGIN + code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == exit_code and not done.stderr, done.stderr
+    return done.stdout.split()
+
+
+def test_items_are_computed_by_copies_of_the_process():
+    """Each waits until another process computes as well; results are in the order of the items."""
+    code = """
+import multiprocessing
+barrier = multiprocessing.get_context("fork").Barrier(2)
+def meet(x):
+    barrier.wait(timeout=20)
+    return x * x, in_copy()
+values = map_processes(meet, range(4), processes=2)
+print([v for v, _ in values] == [0, 1, 4, 9], sorted(c for _, c in values) == [False, False, True, True])
+"""
+    assert run(code) == ["True", "True"]
+
+
+def test_shared_objects_are_not_copied():
+    code = """
+shared, other = ["model"], ["state"]
+def refer(x):
+    time.sleep(0.1)
+    return {"shared": shared, "other": other, "copy": in_copy()}
+values = map_processes(refer, range(4), [shared], processes=2)
+(copied, *_) = [v for v in values if v["copy"]]
+print(copied["shared"] is shared, copied["other"] == other, copied["other"] is other)
+"""
+    assert run(code) == ["True", "True", "False"]
+
+
+def test_the_error_of_the_first_item_is_raised():
+    code = """
+def fail(x):
+    time.sleep(0.2 if x == 1 else 0.0)
+    if x:
+        raise ValueError(x)
+try:
+    map_processes(fail, range(6), processes=2)
+except ValueError as error:
+    print(error)
+"""
+    assert run(code) == ["1"]
+
+
+@pytest.mark.parametrize(
+    "in_the_copy", ["os.kill(os.getpid(), signal.SIGKILL)", "return lambda: x"], ids=["killed", "not picklable"]
+)
+def test_what_a_copy_does_not_return_is_computed_here(in_the_copy):
+    code = f"""
+def value(x):
+    time.sleep(0.1)
+    if in_copy():
+        {in_the_copy}
+    return x, os.getpid() == first
+print(map_processes(value, range(4), processes=2) == [(x, True) for x in range(4)])
+with started(lambda: value(7)) as result:
+    print(result() == (7, True))
+"""
+    assert run(code) == ["True", "True"]
+
+
+def test_a_process_is_copied_only_where_that_is_safe():
+    """Not in a copy, not while another thread runs, and not on macOS."""
+    code = """
+print(simultaneous())
+values = map_processes(lambda _: (time.sleep(0.1), in_copy(), simultaneous()), range(2), processes=2)
+print(*sorted(v[1:] for v in values)[1])
+release = threading.Event()
+thread = threading.Thread(target=release.wait)
+thread.start()
+print(simultaneous(), *map_processes(lambda _: in_copy(), range(2), processes=2))
+release.set()
+thread.join()
+sys.platform = "darwin"
+print(simultaneous())
+"""
+    assert run(code) == ["2", "True", "1", "1", "False", "False", "1"]
+
+
+def test_a_function_is_computed_while_the_process_goes_on():
+    code = """
+with started(lambda: (time.sleep(0.2), in_copy())) as result:
+    begin = time.perf_counter()
+    print(time.perf_counter() - begin < 0.1, result()[1])
+try:
+    with started(lambda: 1 / 0) as result:
         result()
+except ZeroDivisionError as error:
+    print("raised")
+"""
+    assert run(code) == ["True", "True", "raised"]
 
 
-def test_start_thread_returns_at_once_and_its_result_waits():
+def test_a_copy_ends_with_its_context():
+    code = """
+with started(lambda: time.sleep(50)):
+    begin = time.perf_counter()
+print(time.perf_counter() - begin < 10)
+"""
+    assert run(code) == ["True"]
+
+
+def test_a_copy_ends_with_the_process_that_started_it():
+    """After the item at which it is: the output is closed long before all items could have been computed."""
+    code = """
+def value(x):
+    if in_copy():
+        time.sleep(0.3)
+    else:
+        time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGKILL)
+map_processes(value, range(500), processes=2)
+"""
+    assert run(code, -signal.SIGKILL) == []
+
+
+def test_a_function_is_started_in_a_thread_where_the_process_may_not_be_copied(monkeypatch):
+    monkeypatch.setattr(parallel, "simultaneous", lambda: 1)
     release = threading.Event()
 
     def value():
         release.wait(timeout=10.0)
         return threading.current_thread() is not threading.main_thread()
 
-    result = start_thread(value)
-    release.set()
-    assert result() is True and result() is True
+    with started(value) as result:
+        release.set()
+        assert result() is True and result() is True
+    with pytest.raises(ZeroDivisionError), started(lambda: 1 / 0) as result:
+        result()

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import gc
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -20,10 +19,10 @@ from functools import cache
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from edl_filter.errors import InputError
-from edl_filter.estimation.parallel import processors
+from edl_filter.estimation.parallel import map_processes, processors
 
 if TYPE_CHECKING:
     from edl_filter.results.reader import ResultReader
@@ -133,48 +132,12 @@ def main() -> None:
 
 def _draw(result: Path, folder: Path, formats: Sequence[str]) -> list[str]:
     """Draw all figures of a result; their file names."""
-    import multiprocessing
-
     from edl_filter.report.figures import available
     from edl_filter.results.reader import ResultReader
 
     with ResultReader.open(result) as reader:
         tasks = [_Task(result, name, folder, tuple(formats)) for name in available(reader)]
-    count = min(len(tasks), processors())
-    if count < 2 or sys.platform == "darwin" or "fork" not in multiprocessing.get_all_start_methods():
-        return [name for task in tasks for name in _draw_task(task)]
-    context = multiprocessing.get_context("fork")
-    following = context.Value("i", 0)
-    gc.freeze()
-    receivers = []
-    for _ in range(count):
-        receiver, sender = context.Pipe(duplex=False)
-        context.Process(target=_draw_share, args=(tasks, following, sender, os.getpid()), daemon=True).start()
-        sender.close()
-        receivers.append(receiver)
-    drawn: dict[int, list[str]] = {}
-    for receiver in receivers:
-        share = receiver.recv()
-        if isinstance(share, str):
-            raise InputError(share)
-        drawn |= share
-    return [name for k in sorted(drawn) for name in drawn[k]]
-
-
-def _draw_share(tasks: Sequence[_Task], following: Any, sender: Any, parent: int) -> None:
-    """Draw the next of the tasks until none is left; send the file names by index, or the message of an InputError."""
-    drawn = {}
-    try:
-        while os.getppid() == parent:  # it ends with the process that started it
-            with following.get_lock():
-                k = following.value
-                following.value += 1
-            if k >= len(tasks):
-                break
-            drawn[k] = _draw_task(tasks[k])
-        sender.send(drawn)
-    except InputError as error:
-        sender.send(str(error))
+    return [name for names in map_processes(_draw_task, tasks, processes=processors()) for name in names]
 
 
 class _Task(NamedTuple):

@@ -9,6 +9,7 @@ import pytest
 from edl_filter.diagnosis.linear_model import effect_jacobian as effect_jacobian_module
 from edl_filter.diagnosis.linear_model.effect_jacobian import (
     effect_jacobian,
+    effect_jacobians,
     is_ordered,
     prior_sigma,
     scan_grid,
@@ -22,6 +23,8 @@ from edl_filter.diagnosis.prediction.reading_difference import difference_on_fix
 from edl_filter.diagnosis.prediction.residuals import bin_readings, compute_residuals
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect
+from edl_filter.errors import InputError
+from edl_filter.estimation import parallel
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
@@ -196,6 +199,39 @@ def test_the_difference_on_a_fixed_path_is_that_of_whole_residuals(case, model, 
         for actual, expected in pairs:  # means over bins are differences of integrals of 1e4 m/s, rounded to 2e-12 m/s
             np.testing.assert_allclose(actual, expected, rtol=0.0, atol=4e-11)
         assert max(np.nanmax(np.abs(expected)) for _, expected in pairs) > 1e-5
+
+
+def test_jacobians_of_several_processes_are_those_of_this_one(model, monkeypatch):
+    """In their order, of effects that change the path and of others; the expensive ones are kept about the point."""
+    monkeypatch.setattr(parallel, "simultaneous", lambda: 2)
+    names = ("accelerometer_scale", "wind", "gyro_bias", "mass")
+    instances = [(EffectInstance(find_effect(n), {}), None) for n in names]
+    instances.append((instances[0][0], ["sy"]))
+    fresh = replace(model, computed_jacobians={})
+    jacobians = effect_jacobians(fresh, instances)
+    assert [j.instance.name for j in jacobians] == [*names, "accelerometer_scale"]
+    for j, (instance, chosen) in zip(jacobians, instances, strict=True):
+        expected = effect_jacobian(replace(model, computed_jacobians={}), instance, chosen)
+        assert j.names == expected.names
+        for name in ("rows", "initial_mean", "sigma"):
+            np.testing.assert_array_equal(getattr(j, name), getattr(expected, name))
+    monkeypatch.setattr(effect_jacobian_module, "_derivative", None)
+    np.testing.assert_array_equal(effect_jacobian(fresh, instances[0][0]).rows, jacobians[0].rows)
+
+
+def test_an_effect_whose_hooks_fail_is_left_out_or_its_error_raised(model, monkeypatch):
+    def derivative(model, instance, *_):
+        if instance.name == "wind":
+            raise InputError("no wind")
+        return np.zeros(model.index.count), np.zeros(model.nuisance.size)
+
+    monkeypatch.setattr(effect_jacobian_module, "_derivative", derivative)
+    instances = [(EffectInstance(find_effect(n), {}), None) for n in ("wind", "mass")]
+    failed = {}
+    assert [j.instance.name for j in effect_jacobians(model, instances, failed)] == ["mass"]
+    assert failed == {"wind": "no wind"}
+    with pytest.raises(InputError, match="no wind"):
+        effect_jacobians(model, instances)
 
 
 def test_a_jacobian_about_one_point_is_computed_once(model, monkeypatch):

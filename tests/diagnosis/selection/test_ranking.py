@@ -208,7 +208,7 @@ def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(mon
             excess_variance=excess_of(penalty), log_likelihood=log_likelihood, log_evidence=log_likelihood - penalty,
             noise_penalty=penalty, fitted_noise_filter=None, stated_noise_filter=None, largest_nuisance_sigmas=9.0,
             white_residuals=lambda whiten: None, release_filters=lambda: None, release=lambda: None, state_space=stated,
-            residual_vector=None, initial_mean=None,
+            residual_vector=None, initial_mean=None, point=None,
         )  # fmt: skip
 
     models = model_with(-50.0, 2.0, stated=-80.0), model_with(-45.0, 10.0, stated=-300.0)
@@ -236,7 +236,7 @@ class Constructed:
         self.log_evidence, self.excess_variance = log_evidence, SimpleNamespace(share=0.3, is_zero=zero_excess)
         self.fitted_noise_filter, self.stated_noise_filter = "fitted", "stated"
         self.state_space = self.residual_vector = self.initial_mean = None
-        self.case, self.largest_nuisance_sigmas = None, 0.0
+        self.case, self.point, self.largest_nuisance_sigmas = None, None, 0.0
         self.filters, self.released = True, False
 
     def release_filters(self):
@@ -353,18 +353,27 @@ def screened_effects(model, gains, explained=None):
     """What was screened with each filter: ``{name: gain}``, and what each explains."""
     explained = explained or {}
     results = [
-        {(n, None): SimpleNamespace(gain=g, key=(n, None), explained=np.array(explained.get(n, [1.0, 0.0])))
-         for n, g in of_filter.items()}
+        {
+            (n, None): SimpleNamespace(
+                gain=g,
+                key=(n, None),
+                explained=np.array(explained.get(n, [1.0, 0.0])),
+                instance=SimpleNamespace(effect=n),
+            )
+            for n, g in of_filter.items()
+        }
         for of_filter in gains
-    ]  # fmt: skip
+    ]
     return module._Screened(model, results)
 
 
-def fit_shortlisted(monkeypatch, screened, outcomes, least=0.0):
+def fit_shortlisted(monkeypatch, screened, outcomes, least=0.0, processes=1):
     """Names of the fitted hypotheses, of those for which a fit was begun, and messages of failed ones.
 
-    `outcomes` are changes of the hypothesis by name, or the message of a failing fit.
+    `outcomes` are changes of the hypothesis by name, or the message of a failing fit. All is computed in one process.
     """
+    monkeypatch.setattr(module, "simultaneous", lambda: processes)
+    monkeypatch.setattr(module, "map_processes", lambda function, items, shared: [function(i) for i in items])
     begun, failed = [], {}
 
     def fit(case, model, starts, null):
@@ -379,7 +388,7 @@ def fit_shortlisted(monkeypatch, screened, outcomes, least=0.0):
     monkeypatch.setattr(module, "fit_hypothesis", fit)
     monkeypatch.setattr(module, "_filters", lambda model: ["fitted", "stated"][: len(screened.results)])
     messages = []
-    case = SimpleNamespace(settings=SETTINGS)
+    case = SimpleNamespace(settings=SETTINGS, effects=())
     fitted = module._fit_shortlist(case, screened, NULL, least, failed, messages.append)
     assert messages == [f"refitting {n}" for n in begun]
     return names_of(fitted), begun, failed
@@ -401,6 +410,17 @@ def test_after_an_effect_that_explains_everything_only_similar_ones_are_fitted(m
     assert holding[0] == ["a", "dissimilar", "similar"]
     partial = fit_shortlisted(monkeypatch, screened_effects(FAILING, gains, cosine), {})
     assert partial[0] == ["a", "dissimilar", "similar"]
+
+
+def test_with_several_processes_the_same_hypotheses_are_fitted(monkeypatch):
+    """As many as there are processes, and then all others; a fit that turns out to be needless is not used."""
+    cosine = {"a": [1.0, 0.0], "b": [0.0, 1.0], "c": [0.0, 1.0], "d": [1.0, 0.0]}
+    screened = screened_effects(FAILING, [{"a": 30.0, "b": 20.0, "c": 15.0, "d": 10.0}], cosine)
+    outcomes = {"a": {"at_floor": True}, "b": "its table is empty"}
+    assert fit_shortlisted(monkeypatch, screened, outcomes) == (["a", "d"], ["a", "d"], {})
+    assert fit_shortlisted(monkeypatch, screened, outcomes, processes=2) == (["a", "d"], ["a", "b", "d"], {})
+    every = list("abcd")
+    assert fit_shortlisted(monkeypatch, screened, {}, processes=2) == (every, every, {})
 
 
 def test_similarity_is_that_at_the_stated_noise(monkeypatch):

@@ -21,7 +21,6 @@ from edl_filter.diagnosis.selection.screening import (
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.registry import find_effect
-from edl_filter.errors import InputError
 from edl_filter.estimation.regression import regress
 from edl_filter.mission.decision_settings import DecisionSettings
 
@@ -176,25 +175,29 @@ def test_nothing_to_screen():
     assert screen(model_of(np.zeros(ROWS)), [identity, identity], []) == [{}, {}]
 
 
-def test_an_effect_whose_hooks_fail_is_reported_or_raised(monkeypatch):
-    def effect_jacobian(model, instance):
-        if instance.name == "wind":
-            raise InputError("no wind")
-        return instance
+def test_an_effect_whose_hooks_fail_is_not_asked_for_again(monkeypatch):
+    """Its message is kept, or the error is raised, by `effect_jacobians`."""
+    asked = []
+
+    def effect_jacobians(model, instances, failed):
+        asked.extend(a.name for a, names in instances if names is None)
+        failed |= {a.label: "no torque" for a, _ in instances if a.name == "remnant_torque"}
+        return [a for a, _ in instances if a.label not in failed]
 
     monkeypatch.setattr(screening, "scan_range", lambda model: (60.0, 8e3))
-    monkeypatch.setattr(screening, "effect_jacobian", effect_jacobian)
-    effects, failed = [EffectInstance(find_effect(n), {}) for n in ("wind", "mass")], {}
+    monkeypatch.setattr(screening, "abrupt_changes", lambda model: [])
+    monkeypatch.setattr(screening, "effect_jacobians", effect_jacobians)
+    monkeypatch.setattr(screening, "_BATCH_COLUMNS", 9)
+    effects, failed = [EffectInstance(find_effect(n), {}) for n in ("remnant_torque", "mass")], {}
     jacobians = scan_jacobians(model_of(None), effects, 240.0, failed)
-    assert [i.name for i in jacobians] == ["mass"] and failed == {"wind": "no wind"}
-    with pytest.raises(InputError, match="no wind"):
-        list(scan_jacobians(model_of(None), effects, 240.0))
+    assert [i.name for i in jacobians] == ["mass"] and failed == {"remnant_torque": "no torque"}
+    assert asked == ["remnant_torque"] * 3 + ["mass"]  # three columns each: one batch of forty places
 
 
 def test_an_effect_that_begins_at_a_time_is_screened_at_abrupt_changes(monkeypatch):
     """Besides its scan of 40 times; the changes of a model are computed for such effects alone."""
     monkeypatch.setattr(screening, "scan_range", lambda model: (60.0, 8e3))
-    monkeypatch.setattr(screening, "effect_jacobian", lambda model, instance: instance)
+    monkeypatch.setattr(screening, "effect_jacobians", lambda model, instances, failed: [a for a, _ in instances])
     monkeypatch.setattr(screening, "abrupt_changes", lambda model: [130.05, 77.0, 300.0])
     torque, mass = (EffectInstance(find_effect(n), {}) for n in ("remnant_torque", "mass"))
     times = [i.values["t0"] for i in scan_jacobians(model_of(None), [torque], 240.0)]

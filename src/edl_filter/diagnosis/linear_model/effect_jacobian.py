@@ -7,7 +7,7 @@ constraints. An effect that does not change the path is evaluated on the existin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -27,6 +27,8 @@ from edl_filter.diagnosis.prediction.residuals import constraint_residuals
 from edl_filter.effects.base import Effect, EffectInstance, EffectKey
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.sensor_chain import acts_on_driving
+from edl_filter.errors import InputError
+from edl_filter.estimation.parallel import map_processes
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 
@@ -166,10 +168,8 @@ def effect_jacobian(
     names : sequence of str, optional
         Parameters; all sizes if not given.
     """
-    effect = instance.effect
-    chosen = tuple(names) if names is not None else tuple(q.name for q in effect.sizes)
-    by_name = {q.name: q for q in effect.parameters}
-    sigma = np.array([prior_sigma(by_name[n]) for n in chosen])
+    chosen, sigma = _chosen(instance, names)
+    by_name = {q.name: q for q in instance.effect.parameters}
 
     def compute() -> tuple[Array, Array]:
         columns, means = [], []
@@ -180,15 +180,76 @@ def effect_jacobian(
             means.append(mean)
         return np.stack(columns, axis=1), np.stack(means, axis=1)
 
-    if not effect.changes_path:
-        return EffectJacobian(instance, chosen, sigma, *compute())
-    computed = model.computed_jacobians
-    key = (_identity(instance), chosen, tuple(_identity(a) for a in model.effects if not a.is_zero))
-    if key not in computed:
-        if len(computed) >= _KEPT_JACOBIANS:
-            computed.pop(next(iter(computed)))  # the oldest
-        computed[key] = compute()
-    return EffectJacobian(instance, chosen, sigma, *computed[key])
+    return EffectJacobian(instance, chosen, sigma, *_kept(model, instance, chosen, compute))
+
+
+def effect_jacobians(
+    model: LinearizedModel,
+    instances: Sequence[tuple[EffectInstance, Sequence[str] | None]],
+    failed: dict[str, str] | None = None,
+) -> list[EffectJacobian]:
+    """`effect_jacobian` of several effects, the expensive ones computed by several processes.
+
+    Parameters
+    ----------
+    model : LinearizedModel
+        The linearised model.
+    instances : sequence of (EffectInstance, sequence of str or None)
+        Effects, and the parameters of each as of `effect_jacobian`.
+    failed : dict, optional
+        Effect → message of an effect whose hooks fail, which is left out; raised if not given.
+    """
+
+    def columns(i: int) -> tuple[Array, Array] | InputError:
+        try:
+            j = effect_jacobian(model, *instances[i])
+        except InputError as error:
+            return error
+        return j.rows, j.initial_mean
+
+    # the columns of an effect that does not change the path cost less than a copy of the process
+    expensive = [i for i, (instance, _) in enumerate(instances) if instance.effect.changes_path]
+    by_process = dict(zip(expensive, map_processes(columns, expensive), strict=True))
+    jacobians = []
+    for i, (instance, names) in enumerate(instances):
+        computed = by_process[i] if i in by_process else columns(i)
+        if not isinstance(computed, InputError):
+            chosen, sigma = _chosen(instance, names)
+            jacobians.append(EffectJacobian(instance, chosen, sigma, *_kept(model, instance, chosen, computed)))
+        elif failed is None:
+            raise computed
+        else:
+            failed[instance.label] = str(computed)
+    return jacobians
+
+
+def _kept(
+    model: LinearizedModel,
+    instance: EffectInstance,
+    names: tuple[str, ...],
+    computed: tuple[Array, Array] | Callable[[], tuple[Array, Array]],
+) -> tuple[Array, Array]:
+    """Columns and changes of the initial mean, kept if they are expensive; those that are kept about this point."""
+
+    def compute() -> tuple[Array, Array]:
+        return computed() if callable(computed) else computed
+
+    if not instance.effect.changes_path:
+        return compute()
+    kept = model.computed_jacobians
+    key = (_identity(instance), names, tuple(_identity(a) for a in model.effects if not a.is_zero))
+    if key not in kept:
+        if len(kept) >= _KEPT_JACOBIANS:
+            kept.pop(next(iter(kept)))  # the oldest
+        kept[key] = compute()
+    return kept[key]
+
+
+def _chosen(instance: EffectInstance, names: Sequence[str] | None) -> tuple[tuple[str, ...], Array]:
+    """Parameters of a Jacobian, all sizes if not given, and their prior standard deviations ``(k,)``."""
+    chosen = tuple(names) if names is not None else tuple(q.name for q in instance.effect.sizes)
+    by_name = {q.name: q for q in instance.effect.parameters}
+    return chosen, np.array([prior_sigma(by_name[n]) for n in chosen])
 
 
 def _identity(instance: EffectInstance) -> tuple[EffectKey, tuple[tuple[str, float], ...]]:

@@ -19,7 +19,7 @@ from edl_filter.diagnosis.jacobians.nuisance import nuisance_layout
 from edl_filter.diagnosis.jacobians.prediction_jacobian import prediction_jacobian
 from edl_filter.diagnosis.jacobians.state_space import assemble_state_space
 from edl_filter.diagnosis.jacobians.transitions import propagate_path
-from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobians, stacked
 from edl_filter.diagnosis.linear_model.flight_case import FlightCase
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel, perturbed
 from edl_filter.diagnosis.linear_model.linearization_point import (
@@ -123,8 +123,7 @@ def linearize_at(
     if not case.constants:
         return model
     # the point has their values: their columns are about zero change of them
-    jacobians = [effect_jacobian(model, c.instance, tuple(c.sigma)).rows for c in case.constants]
-    columns = np.concatenate(jacobians, axis=1)
+    columns, _ = stacked(effect_jacobians(model, [(c.instance, tuple(c.sigma)) for c in case.constants]))
     sigma = np.array([s for c in case.constants for s in c.sigma.values()])
     return replace(model, state_space=append_constant_states(state_space, columns, sigma), constant_columns=columns)
 

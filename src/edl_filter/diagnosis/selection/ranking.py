@@ -40,7 +40,7 @@ from edl_filter.effects.instances import candidates
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, log_likelihood, whitening_filter
-from edl_filter.estimation.parallel import one_blas_thread, start_thread
+from edl_filter.estimation.parallel import map_processes, one_blas_thread, simultaneous, started
 
 Progress = Callable[[str], None]
 
@@ -154,42 +154,41 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         m.release_filters()  # from here on, one model has filters at a time
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_evidence)
     progress("screening the catalogue and an unmodelled acceleration")
-    # compiled loops for the most part; the cached properties of the model that it reads were computed for `most_likely`
-    unmodelled_fit = start_thread(lambda: fit_unmodelled(model))
-    failed: dict[str, str] = {}
-    # where the model holds an effect has its full evidence; the scan of an effect with places is too coarse for that
-    shares = [effects]
-    if holding is not None:
-        shares = [[a for a in effects if a.effect.places], [a for a in effects if not a.effect.places]]
-    screenings = []
-    for m, share in zip(models, shares, strict=False):
-        screenings.append(_screen(m, share, case.end, failed))
-        m.release_filters()
-    hypotheses: list[Hypothesis] = []
-    for screened, null in zip(screenings, nulls, strict=False):
-        best = max((h.gain for h in hypotheses), default=0.0)
-        fitted = _fit_shortlist(case, screened, null, settings.rival_gain_share * best, failed, progress)
-        relinearized, better = _relinearize_leaders(case, fitted, reference, failed, progress)
-        if better is not None:
-            most_likely, reference = better
-            hypotheses = [h.with_reference(reference) for h in hypotheses]
-        if holding is not None and screened.model is not holding:
-            relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
-        hypotheses += relinearized
-        screened.model.release()
-    hypotheses.sort(key=lambda h: -h.gain)
-    unexplained = bool(hypotheses) and hypotheses[0].explained_share < settings.sufficient_share
-    at_screening = max(nulls[: len(screenings)], key=lambda n: n.evidence)
-    if unexplained and at_screening.explained_share(reference.white_log_likelihood) >= _MOVED_SHARE:
-        progress("screening about the most probable point")
-        screened = _screen(most_likely, effects, case.end, failed)
-        fitted = _fit_shortlist(case, screened, reference, 0.0, failed, progress)
-        relinearized, better = _relinearize_leaders(case, fitted, reference, failed, progress)
-        if better is not None:
-            most_likely, reference = better
-        hypotheses = _most_probable([h.with_reference(reference) for h in (*hypotheses, *relinearized)])
-        screened.model.release()
-    unmodelled, unmodelled_evidence = unmodelled_fit()
+    with started(lambda: fit_unmodelled(model)) as unmodelled_fit:
+        failed: dict[str, str] = {}
+        # where the model holds an effect has its full evidence, for which the scan of one with places is too coarse
+        shares = [effects]
+        if holding is not None:
+            shares = [[a for a in effects if a.effect.places], [a for a in effects if not a.effect.places]]
+        screenings = []
+        for m, share in zip(models, shares, strict=False):
+            screenings.append(_screen(m, share, case.end, failed))
+            m.release_filters()
+        hypotheses: list[Hypothesis] = []
+        for screened, null in zip(screenings, nulls, strict=False):
+            best = max((h.gain for h in hypotheses), default=0.0)
+            fitted = _fit_shortlist(case, screened, null, settings.rival_gain_share * best, failed, progress)
+            relinearized, better = _relinearize_leaders(case, fitted, reference, failed, progress)
+            if better is not None:
+                most_likely, reference = better
+                hypotheses = [h.with_reference(reference) for h in hypotheses]
+            if holding is not None and screened.model is not holding:
+                relinearized = _compare_where_model_holds(case, relinearized, screenings[-1], nulls[-1])
+            hypotheses += relinearized
+            screened.model.release()
+        hypotheses.sort(key=lambda h: -h.gain)
+        unexplained = bool(hypotheses) and hypotheses[0].explained_share < settings.sufficient_share
+        at_screening = max(nulls[: len(screenings)], key=lambda n: n.evidence)
+        if unexplained and at_screening.explained_share(reference.white_log_likelihood) >= _MOVED_SHARE:
+            progress("screening about the most probable point")
+            screened = _screen(most_likely, effects, case.end, failed)
+            fitted = _fit_shortlist(case, screened, reference, 0.0, failed, progress)
+            relinearized, better = _relinearize_leaders(case, fitted, reference, failed, progress)
+            if better is not None:
+                most_likely, reference = better
+            hypotheses = _most_probable([h.with_reference(reference) for h in (*hypotheses, *relinearized)])
+            screened.model.release()
+        unmodelled, unmodelled_evidence = unmodelled_fit()
     at_stated_noise = log_likelihood(most_likely.state_space, most_likely.residual_vector, most_likely.initial_mean)
     return Ranking(
         case=case,
@@ -280,26 +279,44 @@ def _fit_shortlist(
     failed: dict[str, str],
     progress: Progress,
 ) -> list[Hypothesis]:
-    """The shortlisted effects fitted: those whose linear gain is not below `least`."""
+    """The shortlisted effects fitted: those whose linear gain is not below `least`.
+
+    As many as there are processes are fitted at first, and then all others: where a model fails, one of the first may
+    explain everything, and dissimilar effects are not fitted.
+    """
     settings, results, filters = case.settings, screened.results, _filters(screened.model)
+    keys = [k for k in shortlist(results, settings) if max(r[k].gain for r in results) >= least]
     hypotheses: list[Hypothesis] = []
-    for key in shortlist(results, settings):
-        if max(r[key].gain for r in results) < least:
-            continue
+
+    def is_dissimilar(key: EffectKey) -> bool:
+        """Whether a hypothesis explains everything about a failing model, and this effect is dissimilar to it."""
         solved = next((h for h in hypotheses if h.at_floor), None) if not screened.model.holds else None
-        if solved is not None:
-            similarity = correlation(results[-1][solved.key].explained, results[-1][key].explained)
-            if similarity < settings.distinct_correlation:
-                continue  # everything is explained, and this effect is dissimilar
-        progress(f"refitting {label_of(key)}")
+        if solved is None:
+            return False
+        similarity = correlation(results[-1][solved.key].explained, results[-1][key].explained)
+        return similarity < settings.distinct_correlation
+
+    def fit(key: EffectKey) -> Hypothesis | InputError:
         starts = [(r[key], whiten) for r, whiten in zip(results, filters, strict=True)]
         try:
-            hypothesis = fit_hypothesis(case, screened.model, starts, null)
+            return fit_hypothesis(case, screened.model, starts, null)
         except InputError as error:
-            failed[label_of(key)] = str(error)
-            continue
-        if np.any(hypothesis.explained):  # an effect whose place is outside the flight is no hypothesis
-            hypotheses.append(hypothesis)
+            return error
+
+    effects = [a.effect for a in (*case.effects, *(results[0][k].instance for k in keys))]
+    shared = [case, screened.model.case, screened.model, screened.model.point, null, *effects]
+    count = simultaneous()
+    for keys_of_group in (keys[:count], keys[count:]) if count > 1 else ([k] for k in keys):
+        group = [k for k in keys_of_group if not is_dissimilar(k)]
+        for key in group:
+            progress(f"refitting {label_of(key)}")
+        for key, hypothesis in zip(group, map_processes(fit, group, shared), strict=True):
+            if is_dissimilar(key):
+                continue
+            if isinstance(hypothesis, InputError):
+                failed[label_of(key)] = str(hypothesis)
+            elif np.any(hypothesis.explained):  # an effect whose place is outside the flight is no hypothesis
+                hypotheses.append(hypothesis)
     return hypotheses
 
 
@@ -376,9 +393,9 @@ def _relinearize_leaders(
             break
         key = waiting[0]
         i = next(i for i, h in enumerate(ranked) if h.key == key)
+        model_at_first_point = ranked[i].model
         relinearized.add(key)
         progress(f"refitting {label_of(key)} about a new reconstruction")
-        model_at_first_point = ranked[i].model
         try:
             start = projections.get(key, ranked[i])
             ranked[i] = relinearize_with_effect(start, reference, key in close, key in projections)

@@ -9,14 +9,16 @@ root is ``1 - U (1 - 1/√(1 + s²)) Uᵀ`` by the singular values s and left si
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from edl_filter.diagnosis.linear_model.effect_jacobian import (
     EffectJacobian,
     effect_jacobian,
+    effect_jacobians,
     is_ordered,
     is_wavelength,
     scan_grid,
@@ -27,11 +29,12 @@ from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.residual_analysis.change_point import abrupt_changes
 from edl_filter.diagnosis.residual_analysis.unexplained import Remainder, describe_remainder
 from edl_filter.effects.base import Effect, EffectInstance, EffectKey, Parameter
-from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import LinearFit, regress, smallest_size
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array, SingleArray
+
+Item = TypeVar("Item")
 
 #: Columns that are whitened together at least.
 _BATCH_COLUMNS = 64
@@ -81,7 +84,7 @@ class ScreeningResult:
 def scan_jacobians(
     model: LinearizedModel, effects: Sequence[EffectInstance], end: float, failed: dict[str, str] | None = None
 ) -> Iterator[EffectJacobian]:
-    """Columns of every effect at all places of its scan grid, effect by effect, each computed when it is asked for.
+    """Columns of every effect at all places of its scan grid, effect by effect, a batch computed when it is asked for.
 
     Parameters
     ----------
@@ -99,20 +102,23 @@ def scan_jacobians(
     EffectJacobian
         Of one effect at one place.
     """
+    messages: dict[str, str] = {} if failed is None else failed
     begin, lowest = scan_range(model)
     oscillating = any(_frequencies(a.effect) for a in effects)
     line = describe_remainder(model) if oscillating else None
     beginning = any(q.kind == "time" and q.scan > 1 for a in effects for q in a.effect.places)
     changes = abrupt_changes(model) if beginning else []
-    for instance in effects:
-        try:
+
+    def at_places() -> Iterator[EffectInstance]:
+        for instance in effects:
             stated = _places_of_line(instance.effect, line)
             for places in scan_grid(instance.effect, begin, end, lowest, model.settings, stated, changes):
-                yield effect_jacobian(model, replace(instance, values=places))
-        except InputError as error:
-            if failed is None:
-                raise
-            failed[instance.label] = str(error)
+                if instance.label in messages:
+                    break
+                yield replace(instance, values=places)
+
+    for batch in _batches(at_places(), lambda a: len(a.effect.sizes)):
+        yield from effect_jacobians(model, [(a, None) for a in batch], failed)
 
 
 def _frequencies(effect: Effect) -> list[Parameter]:
@@ -160,7 +166,7 @@ def screen(
     """
     residuals = [model.white_residuals(whiten) for whiten in filters]
     scans: list[dict[EffectKey, _Scan]] = [{} for _ in filters]
-    for batch in _batches(jacobians):
+    for batch in _batches(jacobians, lambda j: len(j.names)):
         columns = stacked(batch)
         for whiten, y, by_key in zip(filters, residuals, scans, strict=True):
             white, column = whiten(*columns), 0
@@ -171,12 +177,12 @@ def screen(
     return [{key: scan.result() for key, scan in by_key.items()} for by_key in scans]
 
 
-def _batches(jacobians: Iterable[EffectJacobian]) -> Iterator[list[EffectJacobian]]:
-    """Jacobians with `_BATCH_COLUMNS` columns or a few more in each batch."""
-    batch: list[EffectJacobian] = []
-    for jacobian in jacobians:
-        batch.append(jacobian)
-        if sum(len(j.names) for j in batch) >= _BATCH_COLUMNS:
+def _batches(items: Iterable[Item], columns: Callable[[Item], int]) -> Iterator[list[Item]]:
+    """Effects or their Jacobians with `_BATCH_COLUMNS` columns or a few more in each batch."""
+    batch: list[Item] = []
+    for item in items:
+        batch.append(item)
+        if sum(columns(i) for i in batch) >= _BATCH_COLUMNS:
             yield batch
             batch = []
     if batch:
