@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -83,7 +84,8 @@ in_copy = lambda: os.getpid() != first
 def run(code, exit_code=0):
     """Words that a script prints in a process of its own, which has one thread and may be copied."""
     command = [sys.executable, "-c", BEGIN + code]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    same_package = os.environ | {"PYTHONPATH": str(Path(parallel.__file__).parents[2])}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=same_package)
     assert done.returncode == exit_code and not done.stderr, done.stderr
     return done.stdout.split()
 
@@ -116,17 +118,36 @@ print(copied["shared"] is shared, copied["other"] == other, copied["other"] is o
 
 
 def test_the_error_of_the_first_item_is_raised():
+    """Items that follow are not begun any more."""
     code = """
 def fail(x):
-    time.sleep(0.2 if x == 1 else 0.0)
-    if x:
+    time.sleep(0.2 if x == 1 else 0.05)
+    if 0 < x < 6:
         raise ValueError(x)
+begin = time.perf_counter()
 try:
-    map_processes(fail, range(6), processes=2)
+    map_processes(fail, range(400), processes=2)
 except ValueError as error:
-    print(error)
+    print(error, time.perf_counter() - begin < 5)
 """
-    assert run(code) == ["1"]
+    assert run(code) == ["1", "True"]
+
+
+def test_an_interrupt_is_that_of_the_process_that_started_the_copies():
+    code = """
+os.setsid()
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have switched it off
+def value(x):
+    time.sleep(0.1)
+    if not in_copy():
+        os.killpg(0, signal.SIGINT)
+    time.sleep(0.1)
+try:
+    map_processes(value, range(100), processes=2)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    assert run(code) == ["interrupted"]
 
 
 @pytest.mark.parametrize(
@@ -155,7 +176,7 @@ print(*sorted(v[1:] for v in values)[1])
 release = threading.Event()
 thread = threading.Thread(target=release.wait)
 thread.start()
-print(simultaneous(), *map_processes(lambda _: in_copy(), range(2), processes=2))
+print(simultaneous(), *map_processes(lambda _: (time.sleep(0.1), in_copy())[1], range(2), processes=2))
 release.set()
 thread.join()
 sys.platform = "darwin"

@@ -11,7 +11,7 @@ residuals), `matern` (Matérn processes in state-space form), `regression` (Baye
 process in white noise, in a stretch without observations), `interpolating_spline` (spline through values, or through
 the integral of a series), `series` (finite rows, runs of a condition, moving means, interpolation of columns),
 `small_matrices` (algebra for compiled loops), `random_fields` (correlation and realisations of smooth Gaussian
-processes), `parallel` (threads for compiled loops).
+processes), `parallel` (threads for compiled loops, copies of the process for other computations).
 
 References: Särkkä, Bayesian Filtering and Smoothing (2013); Durbin and Koopman, Time Series Analysis by State Space
 Methods (2012); Gelman et al., Bayesian Data Analysis (2013).
