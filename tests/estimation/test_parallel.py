@@ -148,6 +148,15 @@ except KeyboardInterrupt:
     print("interrupted")
 """
     assert run(code) == ["interrupted"]
+    code = """
+def value(x):
+    time.sleep(0.1)
+    if in_copy():
+        os.kill(os.getpid(), signal.SIGINT)
+    return in_copy()
+print(any(map_processes(value, range(4), processes=2)))
+"""
+    assert run(code) == ["True"]
 
 
 @pytest.mark.parametrize(
