@@ -90,3 +90,10 @@ def test_packages_that_may_be_missing_are_those_of_the_extra():
 
 def test_every_benchmark_is_on_the_page():
     assert {f"bench_{n}" for n in performance.BENCHMARKS} == {p.stem for p in FOLDER.glob("bench_*.py")}
+
+
+def test_operations_of_a_step_are_counted():
+    """The step and its quaternion product run on numbers that count: one square root and one division, of r²."""
+    counts = importlib.import_module("bench_propagation").operations()
+    assert counts["sqrt"] == counts["division"] == 1
+    assert 100 < counts["add"] + counts["multiply"] < 300

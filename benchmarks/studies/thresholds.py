@@ -20,7 +20,7 @@ import subprocess
 import sys
 import time
 import traceback
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from functools import partial
 from pathlib import Path
 from unittest.mock import patch
@@ -39,7 +39,7 @@ from edl_filter.diagnosis.noise import excess_colour, variance_components
 from edl_filter.diagnosis.selection import map_fit, outer_loop, ranking, screening
 from edl_filter.effects.registry import catalogue
 from edl_filter.errors import InputError
-from edl_filter.estimation import kalman
+from edl_filter.estimation import kalman, parallel
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.mission.shipped import shipped_data
 from edl_filter.mission.validators import Within
@@ -127,7 +127,7 @@ def _untracked(self, name):
 
 
 def tracked_outcome(path, tracked, plain):
-    """Outcome of the defaults, or of the variation that this process continues, in one thread."""
+    """Outcome of the defaults, or of the variation that this process continues, in one thread and one process."""
     mission = mission_of(path, None, 1.0)
     settings = TrackedSettings(tracked, mission.diagnosis, plain)
     with ExitStack() as stack:
@@ -135,7 +135,11 @@ def tracked_outcome(path, tracked, plain):
             stack.enter_context(patch.object(module, "range", tracked_range, create=True))
         for module in (kalman, excess_colour):
             stack.enter_context(patch.object(module, "map_threads", lambda f, items: [f(item) for item in items]))
-        stack.enter_context(patch.object(ranking, "start_thread", lambda function: partial(lambda x: x, function())))
+        for module in (parallel, ranking):
+            stack.enter_context(patch.object(module, "process_count", lambda: 1))
+        stack.enter_context(
+            patch.object(ranking, "in_background", lambda function: nullcontext(partial(lambda x: x, function())))
+        )
         stack.enter_context(patch.object(DecisionSettings, "__getattribute__", _untracked))
         return outcome(mission.model_copy(update={"diagnosis": settings}))
 

@@ -1,8 +1,10 @@
 """The program: version, help, exit codes."""
 
 import os
+import pty
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 from command_checks import assert_refused
@@ -146,3 +148,24 @@ def test_a_check_runs_no_code_of_a_mission_and_other_commands_name_the_file(cli,
         cli("effects", "--file", str(tmp_path / "bump.py"))
     assert (tmp_path / "executed").exists()
     assert f"runs the code of {tmp_path / 'bump.py'}" in caplog.text
+
+
+def test_the_status_line_of_a_terminal_has_no_thread():
+    """With another thread a diagnosis would not use copies of its process."""
+    code = (
+        "import threading\n"
+        "from edl_filter.cli._base import progress\n"
+        "with progress('diagnosing', quiet=False) as step:\n"
+        "    step('first step')\n"
+        "    print(threading.active_count())\n"
+    )
+    terminal, end = pty.openpty()
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=end, stdout=end, stderr=end)
+    os.close(end)
+    output = b""
+    with suppress(OSError):  # the end of a terminal
+        while part := os.read(terminal, 1024):
+            output += part
+    os.close(terminal)
+    assert process.wait() == 0
+    assert b"diagnosing: first step" in output and b"1\r\n" in output

@@ -1,5 +1,6 @@
 """Threads and copies of the process: order of the results, errors, and one BLAS thread inside."""
 
+import fcntl
 import os
 import runpy
 import signal
@@ -13,7 +14,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from edl_filter.estimation import parallel
-from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread, processors, started
+from edl_filter.estimation.parallel import WORKERS, in_background, map_threads, one_blas_thread, processors
 
 
 def blas_threads():
@@ -34,8 +35,18 @@ def test_processors_are_those_that_the_process_may_use(monkeypatch):
 
 @pytest.mark.parametrize(("available", "threads"), [(1, 1), (3, 3), (4, 4), (5, 4), (64, 4)])
 def test_a_thread_for_each_processor_and_at_most_four(available, threads, monkeypatch):
+    """Unless the environment states a number of at least one."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(available)), raising=False)
-    assert runpy.run_path(parallel.__file__)["THREADS"] == threads
+    monkeypatch.delenv(parallel.WORKERS_VARIABLE, raising=False)
+    for stated in ("7", "1"):
+        with monkeypatch.context() as context:
+            context.setenv(parallel.WORKERS_VARIABLE, stated)
+            assert runpy.run_path(parallel.__file__)["WORKERS"] == int(stated)
+    for wrong in ("0", "-1", "two", ""):
+        with monkeypatch.context() as context:
+            context.setenv(parallel.WORKERS_VARIABLE, wrong)
+            assert runpy.run_path(parallel.__file__)["WORKERS"] == threads
+    assert runpy.run_path(parallel.__file__)["WORKERS"] == threads
 
 
 def test_results_are_in_the_order_of_the_items():
@@ -48,13 +59,13 @@ def test_results_are_in_the_order_of_the_items():
 
 
 def test_items_are_computed_by_several_threads_with_one_blas_thread_each():
-    barrier = threading.Barrier(THREADS)
+    barrier = threading.Barrier(WORKERS)
 
     def meet(_):
         barrier.wait(timeout=10.0)  # returns only when all threads have arrived
         return blas_threads()
 
-    assert map_threads(meet, range(THREADS)) == [{1}] * THREADS
+    assert map_threads(meet, range(WORKERS)) == [{1}] * WORKERS
 
 
 def test_the_number_of_blas_threads_is_restored():
@@ -74,8 +85,8 @@ def test_an_error_in_a_thread_is_raised():
 BEGIN = """
 import os, signal, sys, threading, time
 from edl_filter.estimation import parallel
-from edl_filter.estimation.parallel import map_processes, simultaneous, started
-parallel.THREADS = 2
+from edl_filter.estimation.parallel import in_background, map_processes, process_count
+parallel.WORKERS = 2
 first = os.getpid()
 in_copy = lambda: os.getpid() != first
 """
@@ -98,7 +109,7 @@ barrier = multiprocessing.get_context("fork").Barrier(2)
 def meet(x):
     barrier.wait(timeout=20)
     return x * x, in_copy()
-values = map_processes(meet, range(4), processes=2)
+values = map_processes(meet, range(4))
 print([v for v, _ in values] == [0, 1, 4, 9], sorted(c for _, c in values) == [False, False, True, True])
 """
     assert run(code) == ["True", "True"]
@@ -110,7 +121,7 @@ shared, other = ["model"], ["state"]
 def refer(x):
     time.sleep(0.1)
     return {"shared": shared, "other": other, "copy": in_copy()}
-values = map_processes(refer, range(4), [shared], processes=2)
+values = map_processes(refer, range(4), [shared])
 (copied, *_) = [v for v in values if v["copy"]]
 print(copied["shared"] is shared, copied["other"] == other, copied["other"] is other)
 """
@@ -118,19 +129,23 @@ print(copied["shared"] is shared, copied["other"] == other, copied["other"] is o
 
 
 def test_the_error_of_the_first_item_is_raised():
-    """Items that follow are not begun any more."""
+    """With the place where it was raised, whichever process was at it; items that follow are not begun any more."""
     code = """
+import traceback
+class OwnError(Exception):
+    def __init__(self, item, reason):  # a pickle of it cannot be read
+        super().__init__(item)
 def fail(x):
     time.sleep(0.2 if x == 1 else 0.05)
     if 0 < x < 6:
-        raise ValueError(x)
+        raise OwnError(x, "odd")
 begin = time.perf_counter()
 try:
-    map_processes(fail, range(400), processes=2)
-except ValueError as error:
-    print(error, time.perf_counter() - begin < 5)
+    map_processes(fail, range(400))
+except OwnError as error:
+    print(error, traceback.extract_tb(error.__traceback__)[-1].name, time.perf_counter() - begin < 5)
 """
-    assert run(code) == ["1", "True"]
+    assert run(code) == ["1", "fail", "True"]
 
 
 def test_an_interrupt_is_that_of_the_process_that_started_the_copies():
@@ -143,7 +158,7 @@ def value(x):
         os.killpg(0, signal.SIGINT)
     time.sleep(0.1)
 try:
-    map_processes(value, range(100), processes=2)
+    map_processes(value, range(100))
 except KeyboardInterrupt:
     print("interrupted")
 """
@@ -154,13 +169,19 @@ def value(x):
     if in_copy():
         os.kill(os.getpid(), signal.SIGINT)
     return in_copy()
-print(any(map_processes(value, range(4), processes=2)))
+print(any(map_processes(value, range(4))))
 """
     assert run(code) == ["True"]
 
 
 @pytest.mark.parametrize(
-    "in_the_copy", ["os.kill(os.getpid(), signal.SIGKILL)", "return lambda: x"], ids=["killed", "not picklable"]
+    "in_the_copy",
+    [
+        "os.kill(os.getpid(), signal.SIGKILL)",
+        "return lambda: x",
+        "raise RuntimeError('this process was started by another one')",
+    ],
+    ids=["killed", "not picklable", "error"],
 )
 def test_what_a_copy_does_not_return_is_computed_here(in_the_copy):
     code = f"""
@@ -169,8 +190,8 @@ def value(x):
     if in_copy():
         {in_the_copy}
     return x, os.getpid() == first
-print(map_processes(value, range(4), processes=2) == [(x, True) for x in range(4)])
-with started(lambda: value(7)) as result:
+print(map_processes(value, range(4)) == [(x, True) for x in range(4)])
+with in_background(lambda: value(7)) as result:
     print(result() == (7, True))
 """
     assert run(code) == ["True", "True"]
@@ -179,68 +200,76 @@ with started(lambda: value(7)) as result:
 def test_a_process_is_copied_only_where_that_is_safe():
     """Not in a copy, not while another thread runs, and not on macOS."""
     code = """
-print(simultaneous())
-values = map_processes(lambda _: (time.sleep(0.1), in_copy(), simultaneous()), range(2), processes=2)
+print(process_count())
+values = map_processes(lambda _: (time.sleep(0.1), in_copy(), process_count()), range(2))
 print(*sorted(v[1:] for v in values)[1])
 release = threading.Event()
 thread = threading.Thread(target=release.wait)
 thread.start()
-print(simultaneous(), *map_processes(lambda _: (time.sleep(0.1), in_copy())[1], range(2), processes=2))
+print(process_count(), *map_processes(lambda _: (time.sleep(0.1), in_copy())[1], range(2)))
 release.set()
 thread.join()
 sys.platform = "darwin"
-print(simultaneous())
+print(process_count())
 """
     assert run(code) == ["2", "True", "1", "1", "False", "False", "1"]
 
 
 def test_a_function_is_computed_while_the_process_goes_on():
     code = """
-with started(lambda: (time.sleep(0.2), in_copy())) as result:
+with in_background(lambda: (time.sleep(0.2), in_copy())) as result:
     begin = time.perf_counter()
-    print(time.perf_counter() - begin < 0.1, result()[1])
+    print(time.perf_counter() - begin < 0.1, result()[1], result() is result())
 try:
-    with started(lambda: 1 / 0) as result:
+    with in_background(lambda: 1 / 0) as result:
         result()
 except ZeroDivisionError as error:
     print("raised")
 """
-    assert run(code) == ["True", "True", "raised"]
+    assert run(code) == ["True", "True", "True", "raised"]
 
 
 def test_a_copy_ends_with_its_context():
     code = """
-with started(lambda: time.sleep(50)):
+with in_background(lambda: time.sleep(50)):
     begin = time.perf_counter()
 print(time.perf_counter() - begin < 10)
 """
     assert run(code) == ["True"]
 
 
-def test_a_copy_ends_with_the_process_that_started_it():
-    """After the item at which it is: the output is closed long before all items could have been computed."""
-    code = """
+@pytest.mark.skipif(sys.platform != "linux", reason="the signal of the parent's end is one of Linux")
+@pytest.mark.parametrize("call", ["map_processes(value, range(4))", "in_background(lambda: value(1)).__enter__()"])
+def test_a_copy_ends_with_the_process_that_started_it(call, tmp_path):
+    """At once, within an item: a copy has the locks of its parent, and its output."""
+    code = f"""
+import fcntl
+file = open({str(tmp_path / "lock")!r}, "w")
+fcntl.flock(file, fcntl.LOCK_EX)
 def value(x):
-    if in_copy():
-        time.sleep(0.3)
-    else:
-        time.sleep(0.1)
-        os.kill(os.getpid(), signal.SIGKILL)
-map_processes(value, range(500), processes=2)
+    time.sleep(50.0 if in_copy() else 0.2)
+    os.kill(os.getpid(), signal.SIGKILL)
+{call}
+value(0)
 """
     assert run(code, -signal.SIGKILL) == []
+    with (tmp_path / "lock").open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def test_a_function_is_started_in_a_thread_where_the_process_may_not_be_copied(monkeypatch):
-    monkeypatch.setattr(parallel, "simultaneous", lambda: 1)
+    monkeypatch.setattr(parallel, "process_count", lambda: 1)
     release = threading.Event()
 
     def value():
         release.wait(timeout=10.0)
         return threading.current_thread() is not threading.main_thread()
 
-    with started(value) as result:
+    with in_background(value) as result:
         release.set()
         assert result() is True and result() is True
-    with pytest.raises(ZeroDivisionError), started(lambda: 1 / 0) as result:
+    with in_background(lambda: time.sleep(3.0)):
+        begin = time.perf_counter()
+    assert time.perf_counter() - begin < 1.0  # it goes on
+    with pytest.raises(ZeroDivisionError), in_background(lambda: 1 / 0) as result:
         result()

@@ -1,8 +1,11 @@
 """`edl-filter diagnose` on the shipped flight: it is clean; effects whose hooks fail and wrong input are reported."""
 
 import json
+import os
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -114,6 +117,20 @@ def test_the_shipped_flight_is_clean_and_failing_effects_are_reported(clean):
         assert np.sqrt(np.nanmean(values**2)) == pytest.approx(content["errors"][name], rel=1e-9)
     np.testing.assert_allclose(root["residual"].values / root["sigma"].values, normalised, rtol=1e-9)
     assert normalised.shape == (len(names), len(root["time"].values))
+
+
+@pytest.mark.slow
+def test_several_processes_have_the_result_of_one_bit_for_bit(tmp_path):
+    """Of a flight whose model fails: effects are fitted, and expensive Jacobians computed, by copies of the process."""
+    contents = []
+    assert call("run", "builtin:practice_mer", "--set", "vehicle.mass=845", "-o", tmp_path / "result").exit_code == 0
+    for workers in ("1", "2"):
+        folder = shutil.copytree(tmp_path / "result", tmp_path / workers)
+        command = [sys.executable, "-m", "edl_filter", "diagnose", str(folder)]
+        subprocess.run(command, check=True, capture_output=True, env=os.environ | {"EDL_FILTER_WORKERS": workers})
+        contents.append((folder / "diagnosis.json").read_text().replace(str(folder), ""))
+    assert contents[0] == contents[1]
+    assert json.loads(contents[0])["verdict"] == "missing"
 
 
 @pytest.mark.parametrize(

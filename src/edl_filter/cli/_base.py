@@ -76,8 +76,8 @@ def exit_with_trust(headline: str | None) -> None:
 def progress(task: str, quiet: bool) -> Iterator[Callable[[str], None]]:
     """Display a task and its current step while it runs.
 
-    A terminal shows a status line on standard error; a program that sets the variable `PROGRESS` receives one line per
-    step.
+    A terminal shows a status line on standard error, which no thread refreshes: while other threads run a process is
+    not copied (`estimation.parallel`). A program that sets the variable `PROGRESS` receives one line per step.
 
     Parameters
     ----------
@@ -99,9 +99,10 @@ def progress(task: str, quiet: bool) -> Iterator[Callable[[str], None]]:
         yield lambda _: None
         return
     from rich.console import Console
+    from rich.live import Live
 
-    with Console(stderr=True).status(f"{task} …") as status:
-        yield lambda step: status.update(f"{task}: {step} …")
+    with Live(f"{task} …", console=Console(stderr=True), auto_refresh=False, transient=True) as line:
+        yield lambda step: line.update(f"{task}: {step} …", refresh=True)
 
 
 def print_file_plan(plan: FilePlan, as_json: bool) -> None:

@@ -25,7 +25,7 @@ from edl_filter.estimation.block_sparse import (
     transform_rows,
 )
 from edl_filter.estimation.linear_state_space import LinearStateSpace
-from edl_filter.estimation.parallel import THREADS, map_threads, one_blas_thread
+from edl_filter.estimation.parallel import WORKERS, map_threads, one_blas_thread
 from edl_filter.estimation.small_matrices import symmetric_part
 from edl_filter.types import Array
 
@@ -175,7 +175,7 @@ class WhiteningFilter:
 
 def _passes(count: int) -> list[slice]:
     """Parts of `count` columns, each of which one thread whitens in one pass."""
-    passes = max(THREADS, -(-count // _PASS_COLUMNS))
+    passes = max(WORKERS, -(-count // _PASS_COLUMNS))
     cuts = np.unique(np.linspace(0, count, passes + 1).astype(int))
     return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 

@@ -8,6 +8,7 @@ inputs are not sent, only the results are.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import io
 import os
@@ -17,9 +18,8 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache
-from typing import Generic, TypeVar, cast
+from typing import TypeVar, cast
 
 from threadpoolctl import ThreadpoolController
 
@@ -32,8 +32,20 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-#: Number of threads or processes: one for each processor, at most four.
-THREADS = min(4, processors())
+#: Environment variable: number of threads or processes.
+WORKERS_VARIABLE = "EDL_FILTER_WORKERS"
+
+
+def workers() -> int:
+    """Number of threads or processes: as stated by the environment, or one for each processor and at most four."""
+    stated = os.environ.get(WORKERS_VARIABLE, "")
+    return int(stated) if stated.isdecimal() and int(stated) > 0 else min(4, processors())
+
+
+#: `workers` when this module was imported.
+WORKERS = workers()
+#: Option of prctl (linux/prctl.h): the signal that a process receives when its parent ends.
+_PR_SET_PDEATHSIG = 1
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
@@ -43,7 +55,7 @@ def one_blas_thread() -> AbstractContextManager[object]:
 
 def map_threads(function: Callable[[Item], Value], items: Iterable[Item]) -> list[Value]:
     """The function of every item, in the order of the items, computed by several threads."""
-    with one_blas_thread(), ThreadPoolExecutor(THREADS) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(WORKERS) as pool:
         return list(pool.map(function, items))
 
 
@@ -51,9 +63,12 @@ def map_processes(
     function: Callable[[Item], Value],
     items: Iterable[Item],
     shared: Iterable[object] = (),
-    processes: int = THREADS,
+    processes: int | None = None,
 ) -> list[Value]:
-    """The function of every item, in the order of the items, computed by this process and by copies of it.
+    """The function of every item, computed by this process and by copies of it.
+
+    A copy has one BLAS thread. What it does not return is computed again by this process: items whose function raises
+    an error, whose value cannot be pickled, or during which the copy was killed.
 
     Parameters
     ----------
@@ -63,13 +78,13 @@ def map_processes(
         Each is given to the next process that is free.
     shared : iterable
         Objects of this process that a value may contain. The value that is returned contains them, and not copies.
-    processes : int
-        Largest number of processes.
+    processes : int, optional
+        Largest number of processes; `WORKERS` if not given.
 
     Returns
     -------
     list
-        Computed one after the other where the process may not be copied (`simultaneous`).
+        In the order of the items.
 
     Raises
     ------
@@ -77,88 +92,78 @@ def map_processes(
         That of the first item whose function raises one.
     """
     items = list(items)
-    count = min(len(items), processes)
-    if count < 2 or simultaneous() < 2:
+    count = min(len(items), WORKERS if processes is None else processes)
+    if count < 2 or process_count() < 2:
         return [function(item) for item in items]
     import multiprocessing
 
     following = multiprocessing.get_context("fork").Value("l", 0)
 
-    def compute_share() -> dict[int, _Outcome[Value]]:
-        share: dict[int, _Outcome[Value]] = {}
-        parent = multiprocessing.parent_process()
-        while parent is None or parent.is_alive():
+    def compute_share() -> dict[int, Value]:
+        share: dict[int, Value] = {}
+        while True:
             with following.get_lock():
                 k, following.value = following.value, following.value + 1
             if k >= len(items):
-                break
-            share[k] = _outcome(function, items[k])
-            if share[k].error is not None:  # all items before it have been given out
+                return share
+            try:
+                share[k] = function(items[k])
+            except Exception:  # it is raised below, or by an item before it: all of those have been given out
                 following.value = len(items)
-        return share
+                return share
 
-    with ExitStack() as stack:
+    with one_blas_thread(), ExitStack() as stack:
         copies = [stack.enter_context(_copy(compute_share, tuple(shared))) for _ in range(count - 1)]
-        outcomes = compute_share()
+        values = compute_share()
         for wait in copies:
-            outcomes |= wait() or {}
-    return [(outcomes.get(k) or _outcome(function, item)).value_or_error() for k, item in enumerate(items)]
+            values |= wait() or {}
+    return [values[k] if k in values else function(item) for k, item in enumerate(items)]
 
 
 @contextmanager
-def started(function: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
-    """Start a function in a copy of this process, or in a thread where it may not be copied.
+def in_background(function: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
+    """Compute a function in a copy of this process, or in a thread where it may not be copied.
 
-    The callable of the context waits for its value; at the end of the context a copy is stopped.
+    The callable of the context waits for its value. At the end of the context a copy is ended; a thread goes on, and
+    what it reads must not change until then.
     """
-    if simultaneous() < 2:
-        with ThreadPoolExecutor(1) as pool:
-            yield pool.submit(function).result
+    if process_count() < 2:
+        pool = ThreadPoolExecutor(1)
+        future = pool.submit(function)
+        try:
+            yield future.result
+        finally:
+            pool.shutdown(wait=False)
         return
-    with _copy(lambda: _outcome(lambda _: function(), None), ()) as wait:
-        yield lambda: (wait() or _outcome(lambda _: function(), None)).value_or_error()
+    with one_blas_thread(), _copy(lambda: [function()], ()) as wait:
+
+        @cache
+        def value() -> Value:
+            return (wait() or [function()])[0]
+
+        yield value
 
 
-def simultaneous() -> int:
-    """Number of items that `map_processes` computes at the same time.
+def process_count() -> int:
+    """Number of processes among which `map_processes` divides items at most.
 
-    One where the process may not be copied: while other threads run, whose locks would stay locked in the copy, in a
-    copy or a process of a pool, which are several already, and where the system has no copies or its libraries do not
+    One where this process may not be copied: while other threads run, whose locks would stay locked in the copy, in a
+    process of `multiprocessing`, which is one of several, and where the system has no copies or its libraries do not
     work in them (macOS).
     """
     import multiprocessing
 
     if sys.platform == "darwin" or "fork" not in multiprocessing.get_all_start_methods():
         return 1
-    return 1 if multiprocessing.current_process().daemon or threading.active_count() > 1 else THREADS
-
-
-@dataclass(frozen=True)
-class _Outcome(Generic[Value]):
-    """A value, or the error that was raised instead."""
-
-    value: Value | None = None
-    error: Exception | None = None
-
-    def value_or_error(self) -> Value:
-        """The value; the error is raised."""
-        if self.error is not None:
-            raise self.error
-        return cast("Value", self.value)
-
-
-def _outcome(function: Callable[[Item], Value], item: Item) -> _Outcome[Value]:
-    try:
-        return _Outcome(function(item))
-    except Exception as error:
-        return _Outcome(error=error)
+    alone = multiprocessing.parent_process() is None and threading.active_count() == 1
+    return WORKERS if alone else 1
 
 
 @contextmanager
 def _copy(compute: Callable[[], Value], shared: tuple[object, ...]) -> Iterator[Callable[[], Value | None]]:
     """A copy of this process that computes a value; the callable waits for it. The copy ends with the context.
 
-    The value is None if the copy ends without it, as for lack of memory, or if it cannot be pickled.
+    The value is None if the copy ends without it, as by an error or for lack of memory, or if it cannot be pickled.
     """
     import multiprocessing
     import pickle
@@ -166,6 +171,7 @@ def _copy(compute: Callable[[], Value], shared: tuple[object, ...]) -> Iterator[
     context = multiprocessing.get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     number = {id(value): i for i, value in enumerate(shared)}  # the same in the copy
+    parent = os.getpid()
 
     class Pickler(pickle.Pickler):
         def persistent_id(self, value: object) -> int | None:
@@ -176,18 +182,18 @@ def _copy(compute: Callable[[], Value], shared: tuple[object, ...]) -> Iterator[
             return shared[i]
 
     def run() -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that started it, which then ends it
+        _end_with(parent)
         gc.disable()  # a collection would write to the memory that is shared
         receiver.close()
         content = io.BytesIO()
-        with suppress(Exception):  # what it does not send is computed by the process that started it
+        with suppress(Exception):
             Pickler(content, pickle.HIGHEST_PROTOCOL).dump(compute())
             sender.send_bytes(content.getbuffer())
 
     def wait() -> Value | None:
         try:
             return cast("Value", Unpickler(io.BytesIO(receiver.recv_bytes())).load())
-        except EOFError:
+        except (EOFError, OSError, pickle.UnpicklingError):
             return None
 
     process = context.Process(target=run, daemon=True)
@@ -197,8 +203,20 @@ def _copy(compute: Callable[[], Value], shared: tuple[object, ...]) -> Iterator[
         yield wait
     finally:
         receiver.close()
-        process.terminate()
+        process.kill()
         process.join()
+
+
+def _end_with(parent: int) -> None:
+    """Let this copy end when the process that started it ends, and not by Ctrl-C, which ends that one.
+
+    A copy has the locks of folders that its parent has, and would keep them.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before
+        os._exit(1)
 
 
 @cache

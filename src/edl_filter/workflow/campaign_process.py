@@ -27,16 +27,17 @@ from typing import Any
 
 from edl_filter._version import __version__
 from edl_filter.errors import InputError
+from edl_filter.estimation.parallel import WORKERS_VARIABLE
 from edl_filter.simulation.campaign_config import Campaign
 from edl_filter.workflow.campaign_files import CASES, FAILURES, CampaignJob, case_path, write_failure, write_record
 
 #: Time after the limit at which the parent ends a process that the timer did not end, s.
 _GRACE_S = 5.0
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", WORKERS_VARIABLE)
 
 
 def environment() -> dict[str, str]:
-    """Environment of a process for cases: that of this one, one thread for each numerical library."""
+    """Environment of a process for cases: that of this one, one thread for this package and each numerical library."""
     return os.environ | dict.fromkeys(_THREADS, "1")
 
 

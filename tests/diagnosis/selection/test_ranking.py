@@ -208,7 +208,7 @@ def test_noise_and_acceleration_are_over_the_point_with_the_largest_evidence(mon
             excess_variance=excess_of(penalty), log_likelihood=log_likelihood, log_evidence=log_likelihood - penalty,
             noise_penalty=penalty, fitted_noise_filter=None, stated_noise_filter=None, largest_nuisance_sigmas=9.0,
             white_residuals=lambda whiten: None, release_filters=lambda: None, release=lambda: None, state_space=stated,
-            residual_vector=None, initial_mean=None, point=None,
+            residual_vector=None, initial_mean=None, point=SimpleNamespace(constants=()), field=None, units=None,
         )  # fmt: skip
 
     models = model_with(-50.0, 2.0, stated=-80.0), model_with(-45.0, 10.0, stated=-300.0)
@@ -236,7 +236,8 @@ class Constructed:
         self.log_evidence, self.excess_variance = log_evidence, SimpleNamespace(share=0.3, is_zero=zero_excess)
         self.fitted_noise_filter, self.stated_noise_filter = "fitted", "stated"
         self.state_space = self.residual_vector = self.initial_mean = None
-        self.case, self.point, self.largest_nuisance_sigmas = None, None, 0.0
+        self.case = self.field = self.units = None
+        self.point, self.largest_nuisance_sigmas = SimpleNamespace(constants=()), 0.0
         self.filters, self.released = True, False
 
     def release_filters(self):
@@ -372,7 +373,7 @@ def fit_shortlisted(monkeypatch, screened, outcomes, least=0.0, processes=1):
 
     `outcomes` are changes of the hypothesis by name, or the message of a failing fit. All is computed in one process.
     """
-    monkeypatch.setattr(module, "simultaneous", lambda: processes)
+    monkeypatch.setattr(module, "process_count", lambda: processes)
     monkeypatch.setattr(module, "map_processes", lambda function, items, shared: [function(i) for i in items])
     begun, failed = [], {}
 

@@ -7,7 +7,7 @@ constraints. An effect that does not change the path is evaluated on the existin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 
@@ -180,7 +180,9 @@ def effect_jacobian(
             means.append(mean)
         return np.stack(columns, axis=1), np.stack(means, axis=1)
 
-    return EffectJacobian(instance, chosen, sigma, *_kept(model, instance, chosen, compute))
+    columns = model.computed_jacobians.get(_key(model, instance, chosen)) or compute()
+    _keep(model, instance, chosen, columns)
+    return EffectJacobian(instance, chosen, sigma, *columns)
 
 
 def effect_jacobians(
@@ -208,41 +210,41 @@ def effect_jacobians(
         return j.rows, j.initial_mean
 
     # the columns of an effect that does not change the path cost less than a copy of the process
-    expensive = [i for i, (instance, _) in enumerate(instances) if instance.effect.changes_path]
+    expensive = [i for i, a in enumerate(instances) if a[0].effect.changes_path and not _is_kept(model, *a)]
     by_process = dict(zip(expensive, map_processes(columns, expensive), strict=True))
     jacobians = []
     for i, (instance, names) in enumerate(instances):
         computed = by_process[i] if i in by_process else columns(i)
         if not isinstance(computed, InputError):
             chosen, sigma = _chosen(instance, names)
-            jacobians.append(EffectJacobian(instance, chosen, sigma, *_kept(model, instance, chosen, computed)))
+            jacobians.append(EffectJacobian(instance, chosen, sigma, *computed))
+            _keep(model, instance, chosen, computed)
         elif failed is None:
             raise computed
         else:
-            failed[instance.label] = str(computed)
+            failed.setdefault(instance.label, str(computed))
     return jacobians
 
 
-def _kept(
-    model: LinearizedModel,
-    instance: EffectInstance,
-    names: tuple[str, ...],
-    computed: tuple[Array, Array] | Callable[[], tuple[Array, Array]],
-) -> tuple[Array, Array]:
-    """Columns and changes of the initial mean, kept if they are expensive; those that are kept about this point."""
+def _key(model: LinearizedModel, instance: EffectInstance, names: tuple[str, ...]) -> tuple[object, ...]:
+    return (_identity(instance), names, tuple(_identity(a) for a in model.effects if not a.is_zero))
 
-    def compute() -> tuple[Array, Array]:
-        return computed() if callable(computed) else computed
 
-    if not instance.effect.changes_path:
-        return compute()
-    kept = model.computed_jacobians
-    key = (_identity(instance), names, tuple(_identity(a) for a in model.effects if not a.is_zero))
-    if key not in kept:
-        if len(kept) >= _KEPT_JACOBIANS:
-            kept.pop(next(iter(kept)))  # the oldest
-        kept[key] = compute()
-    return kept[key]
+def _is_kept(model: LinearizedModel, instance: EffectInstance, names: Sequence[str] | None) -> bool:
+    """Whether the columns about this point are kept."""
+    return _key(model, instance, _chosen(instance, names)[0]) in model.computed_jacobians
+
+
+def _keep(
+    model: LinearizedModel, instance: EffectInstance, names: tuple[str, ...], columns: tuple[Array, Array]
+) -> None:
+    """Keep the columns of an effect that changes the path, in place of the oldest ones."""
+    kept, key = model.computed_jacobians, _key(model, instance, names)
+    if not instance.effect.changes_path or key in kept:
+        return
+    if len(kept) >= _KEPT_JACOBIANS:
+        kept.pop(next(iter(kept)))
+    kept[key] = columns
 
 
 def _chosen(instance: EffectInstance, names: Sequence[str] | None) -> tuple[tuple[str, ...], Array]:

@@ -40,7 +40,7 @@ from edl_filter.effects.instances import candidates
 from edl_filter.effects.sensor_chain import canonical_key
 from edl_filter.errors import InputError
 from edl_filter.estimation.kalman import Whitening, log_likelihood, whitening_filter
-from edl_filter.estimation.parallel import map_processes, one_blas_thread, simultaneous, started
+from edl_filter.estimation.parallel import in_background, map_processes, one_blas_thread, process_count
 
 Progress = Callable[[str], None]
 
@@ -154,7 +154,8 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
         m.release_filters()  # from here on, one model has filters at a time
     reference, most_likely = most_probable_null(nulls), max(models, key=lambda m: m.log_evidence)
     progress("screening the catalogue and an unmodelled acceleration")
-    with started(lambda: fit_unmodelled(model)) as unmodelled_fit:
+    # the cached properties of the model that it reads were computed for `most_likely`, before a thread may start
+    with in_background(lambda: fit_unmodelled(model)) as unmodelled_fit:
         failed: dict[str, str] = {}
         # where the model holds an effect has its full evidence, for which the scan of one with places is too coarse
         shares = [effects]
@@ -303,11 +304,13 @@ def _fit_shortlist(
         except InputError as error:
             return error
 
-    effects = [a.effect for a in (*case.effects, *(results[0][k].instance for k in keys))]
-    shared = [case, screened.model.case, screened.model, screened.model.point, null, *effects]
-    count = simultaneous()
-    for keys_of_group in (keys[:count], keys[count:]) if count > 1 else ([k] for k in keys):
-        group = [k for k in keys_of_group if not is_dissimilar(k)]
+    model = screened.model
+    known = (*case.effects, *model.point.constants, *(results[0][k].instance for k in keys))
+    shared = [case, model.case, model, model.point, model.field, model.units, null, *(a.effect for a in known)]
+    count = process_count()
+    groups = [keys[:count], keys[count:]] if count > 1 else [[k] for k in keys]
+    for group in groups:
+        group = [k for k in group if not is_dissimilar(k)]
         for key in group:
             progress(f"refitting {label_of(key)}")
         for key, hypothesis in zip(group, map_processes(fit, group, shared), strict=True):
