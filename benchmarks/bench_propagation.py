@@ -161,7 +161,8 @@ One sigma point and sample takes {flops} floating-point operations ({listed}), c
 vector registers, two operations each, the largest over registers of {widths} numbers. Of the compiled loop's arithmetic
 instructions {share_of_fma(code):.0f} % are FMA. Each other instruction does one operation in the time in which the peak
 counts two; a division and a square root take as long as {division:.0f} and {root:.0f} FMA. The second line is the share
-that these instructions would reach if none of them waited for another one or for memory.
+that these instructions would reach one after the other, if none of them waited for another one or for memory. A
+processor that divides while it multiplies can exceed it.
 """
     rows = [
         Row(
@@ -172,7 +173,7 @@ that these instructions would reach if none of them waited for another one or fo
             at_least(60.0),
         ),
         Row(
-            "the same instructions without any waiting, %",
+            "the same instructions in turn, without waiting, %",
             "measured peak of FMA",
             100.0 * flops / (2.0 * max(slots, 1.0)),
         ),
