@@ -179,12 +179,16 @@ print(any(map_processes(value, range(4))))
     [
         "os.kill(os.getpid(), signal.SIGKILL)",
         "return lambda: x",
+        "return Unreadable()",
         "raise RuntimeError('this process was started by another one')",
     ],
-    ids=["killed", "not picklable", "error"],
+    ids=["killed", "not picklable", "pickle not readable", "error"],
 )
 def test_what_a_copy_does_not_return_is_computed_here(in_the_copy):
     code = f"""
+class Unreadable:
+    def __reduce__(self):
+        return int, ("no number",)
 def value(x):
     time.sleep(0.1)
     if in_copy():

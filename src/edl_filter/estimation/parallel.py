@@ -163,7 +163,7 @@ def process_count() -> int:
 def _copy(compute: Callable[[], Value], shared: tuple[object, ...]) -> Iterator[Callable[[], Value | None]]:
     """A copy of this process that computes a value; the callable waits for it. The copy ends with the context.
 
-    The value is None if the copy ends without it, as by an error or for lack of memory, or if it cannot be pickled.
+    The value is None if the copy ends without it, as by an error or for lack of memory, or if no pickle can hold it.
     """
     import multiprocessing
     import pickle
@@ -193,7 +193,7 @@ def _copy(compute: Callable[[], Value], shared: tuple[object, ...]) -> Iterator[
     def wait() -> Value | None:
         try:
             return cast("Value", Unpickler(io.BytesIO(receiver.recv_bytes())).load())
-        except (EOFError, OSError, pickle.UnpicklingError):
+        except Exception:  # the end of the copy, or a pickle that cannot be read
             return None
 
     process = context.Process(target=run, daemon=True)
