@@ -6,7 +6,7 @@ time offset of the gyros needs the rates between the samples (`effects.sensors.d
 end inside the samples of a checking IMU with another clock (`time_bins.bin_means`). The interpolation has the order of
 its stencil where the motion is smooth. It has not where the moment changes its slope inside a sample: at the nodes of
 an aerodynamic table that is linear between them. Motion near half of the sampling frequency cannot be interpolated at
-all. On a vehicle that swings through 30° at 8 Hz the lever-arm acceleration is wrong by up to 60 sigmas of an
+all. On a vehicle that swings through 33° at 8 Hz the lever-arm acceleration is wrong by up to 60 sigmas of an
 accelerometer; a step of rates that are shifted by half a sample is wrong by five sigmas at angles of 8°.
 
 The forward model predicts the angular acceleration at several nodes in each bin. The same interpolation of the means
