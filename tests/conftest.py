@@ -12,6 +12,9 @@ from hypothesis import settings
 # the processor time
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
+# Before edl_filter is imported: the workers of pytest use the processors
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("EDL_FILTER_WORKERS", "1")
 # Commands that tests start read the package's modules compiled, as users' commands do, not compile them each time
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 

@@ -14,7 +14,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from edl_filter.estimation import parallel
-from edl_filter.estimation.parallel import WORKERS, in_background, map_threads, one_blas_thread, processors
+from edl_filter.estimation.parallel import in_background, map_threads, one_blas_thread, processors
 
 
 def blas_threads():
@@ -58,14 +58,15 @@ def test_results_are_in_the_order_of_the_items():
     assert map_threads(slow_square, []) == []
 
 
-def test_items_are_computed_by_several_threads_with_one_blas_thread_each():
-    barrier = threading.Barrier(WORKERS)
+def test_items_are_computed_by_several_threads_with_one_blas_thread_each(monkeypatch):
+    monkeypatch.setattr(parallel, "WORKERS", 3)
+    barrier = threading.Barrier(3)
 
     def meet(_):
         barrier.wait(timeout=10.0)  # returns only when all threads have arrived
         return blas_threads()
 
-    assert map_threads(meet, range(WORKERS)) == [{1}] * WORKERS
+    assert map_threads(meet, range(3)) == [{1}] * 3
 
 
 def test_the_number_of_blas_threads_is_restored():
