@@ -165,6 +165,7 @@ except KeyboardInterrupt:
 """
     assert run(code) == ["interrupted"]
     code = """
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def value(x):
     time.sleep(0.1)
     if in_copy():
