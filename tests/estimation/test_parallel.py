@@ -245,7 +245,9 @@ print(time.perf_counter() - begin < 10)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the signal of the parent's end is one of Linux")
-@pytest.mark.parametrize("call", ["map_processes(value, range(4))", "in_background(lambda: value(1)).__enter__()"])
+@pytest.mark.parametrize(
+    "call", ["map_processes(value, range(4))", "context = in_background(lambda: value(1)); context.__enter__()"]
+)
 def test_a_copy_ends_with_the_process_that_started_it(call, tmp_path):
     """At once, within an item: a copy has the locks of its parent, and its output."""
     code = f"""
@@ -253,14 +255,14 @@ import fcntl
 file = open({str(tmp_path / "lock")!r}, "w")
 fcntl.flock(file, fcntl.LOCK_EX)
 def value(x):
-    time.sleep(50.0 if in_copy() else 0.2)
+    time.sleep(100.0 if in_copy() else 0.2)  # the test waits for a minute
     os.kill(os.getpid(), signal.SIGKILL)
 {call}
 value(0)
 """
     assert run(code, -signal.SIGKILL) == []
     with (tmp_path / "lock").open() as file:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX)
 
 
 def test_a_function_is_started_in_a_thread_where_the_process_may_not_be_copied(monkeypatch):

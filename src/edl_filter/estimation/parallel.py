@@ -63,7 +63,6 @@ def map_processes(
     function: Callable[[Item], Value],
     items: Iterable[Item],
     shared: Iterable[object] = (),
-    processes: int | None = None,
 ) -> list[Value]:
     """The function of every item, computed by this process and by copies of it.
 
@@ -78,8 +77,6 @@ def map_processes(
         Each is given to the next process that is free.
     shared : iterable
         Objects of this process that a value may contain. The value that is returned contains them, and not copies.
-    processes : int, optional
-        Largest number of processes; `WORKERS` if not given.
 
     Returns
     -------
@@ -92,8 +89,8 @@ def map_processes(
         That of the first item whose function raises one.
     """
     items = list(items)
-    count = min(len(items), WORKERS if processes is None else processes)
-    if count < 2 or process_count() < 2:
+    count = min(len(items), process_count())
+    if count < 2:
         return [function(item) for item in items]
     import multiprocessing
 

@@ -1,9 +1,9 @@
 """Figures drawn in processes of their own, which load matplotlib while a run still computes.
 
 `FigureProcess` starts ``python -m edl_filter.report.figure_process``, which imports matplotlib, waits for one request
-(a folder with a complete result, names and formats) and answers with the paths of the figures. It draws with as many
-processes as there are cores, where the system can fork. It ends with its parent. Where no process can be started, the
-figures are drawn in the present one.
+(a folder with a complete result, names and formats) and answers with the paths of the figures. It draws with several
+processes (`estimation.parallel.WORKERS`) where the system can fork. It ends with its parent. Where no process can be
+started, the figures are drawn in the present one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple
 
 from edl_filter.errors import InputError
-from edl_filter.estimation.parallel import map_processes, processors
+from edl_filter.estimation.parallel import map_processes
 
 if TYPE_CHECKING:
     from edl_filter.results.reader import ResultReader
@@ -137,7 +137,7 @@ def _draw(result: Path, folder: Path, formats: Sequence[str]) -> list[str]:
 
     with ResultReader.open(result) as reader:
         tasks = [_Task(result, name, folder, tuple(formats)) for name in available(reader)]
-    return [name for names in map_processes(_draw_task, tasks, processes=processors()) for name in names]
+    return [name for names in map_processes(_draw_task, tasks) for name in names]
 
 
 class _Task(NamedTuple):
