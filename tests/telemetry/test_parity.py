@@ -56,3 +56,21 @@ def test_the_delay_is_within_its_sigmas_and_no_constant_error_is_left(delay, tel
     parity = parity_of(pair, "rate", pair.usable, 0.0)
     assert abs(parity.delay - delay) < max(5.0 * parity.delay_sigma, 2e-4) and parity.delay_sigma < 1e-3
     assert np.sqrt(np.nanmean(parity.square[pair.usable]) / 3.0) < 1.2
+
+
+@pytest.mark.parametrize("triad", ["force", "rate"])
+def test_readings_with_much_noise_do_not_change_the_constant_errors(triad, telemetry):
+    """A scale error of 1 % that is within their stated noise, about the peak of the deceleration."""
+    reading, noise = ("specific_force", "force_noise") if triad == "force" else ("angular_rate", "rate_noise")
+    first, second = telemetry.driving, telemetry.checking[0]
+    values, sigma, rows = getattr(second, reading).copy(), getattr(second, noise).copy(), slice(800, 1200)
+    values[rows] *= 1.01
+    sigma[rows] = 1e3 * sigma[rows]
+    changed = replace(second, **{reading: values, noise: sigma})
+    sound, parity = (
+        parity_of(pair, triad, pair.usable, 0.0) for pair in (pair_of(first, r, END) for r in (second, changed))
+    )
+    outside = np.isfinite(sound.square)
+    outside[795:1205] = False
+    difference = (parity.value - sound.value)[outside] / np.sqrt(sound.noise[outside])
+    assert np.max(np.abs(difference)) < 2.0  # of the fewer samples; 40 to 78 if all have one weight

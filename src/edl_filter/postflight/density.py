@@ -1,7 +1,8 @@
 """Density, pressure and temperature extracted from the flight (thesis section 4.1), with bands.
 
 Density follows from the axial force and the database's CA, which depends on Mach and Knudsen number and so on density
-and pressure: all are iterated together.
+and pressure: all are iterated together. The force is that of the sensor's means after smoothing, which attenuates an
+oscillation; the predicted force goes through the same operations.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from edl_filter.aero.discrepancy import DiscrepancyPrior
 from edl_filter.errors import InputError
 from edl_filter.planet.gas import Gas
 from edl_filter.postflight.atmosphere import AtmosphereProfile, scatter
+from edl_filter.postflight.rates import BatchSmoother
 from edl_filter.types import Array, BoolArray
 
 _TOLERANCE = 1e-8
@@ -50,6 +52,8 @@ class AxialForce:
         kg.
     mass_sigma : float
         One sigma of the mass, kg.
+    smoother : BatchSmoother, optional
+        With which the force was smoothed. None: the force is that at the middles of the samples.
     """
 
     acceleration: Array
@@ -58,6 +62,20 @@ class AxialForce:
     bias_sigma: ArrayLike
     mass: ArrayLike
     mass_sigma: float = 0.0
+    smoother: BatchSmoother | None = None
+
+    def mean_coefficient(self, coefficient: Array, load: Array, part: slice) -> Array:
+        """Coefficient ``(n,)`` of the smoothed force, of one at the middles of the samples in `part`.
+
+        That of the force in proportion to the `load` ``(n,)``, after the sensor's means and smoothing. Beyond the part
+        the coefficient is taken as constant.
+        """
+        if self.smoother is None:
+            return coefficient
+        before, after = part.start, len(self.acceleration) - part.stop
+        both = np.stack((load * coefficient, load), axis=1)
+        force, smooth = self.smoother.as_smoothed(np.pad(both, ((before, after), (0, 0)), mode="edge"))[part].T
+        return np.asarray(force / smooth)
 
 
 def extract_atmosphere(
@@ -174,7 +192,8 @@ def extract_atmosphere(
         entry = database.lookup(mach, knudsen, alpha_total[part], v)
         ca = np.vstack((entry.ca, ca[:-1]))
         fixed_ca = np.where(np.isnan(fixed_ca), _mean_across_step(ca, entry.three_sigma.ca), fixed_ca)
-        new = product / np.where(np.isnan(fixed_ca), entry.ca, fixed_ca)
+        at_middle = np.where(np.isnan(fixed_ca), entry.ca, fixed_ca)
+        new = product / axial.mean_coefficient(at_middle, density * v**2, part)
         top = top_density(level, new)
         start = 0.0 if top_temperature is None else top * gas.constant * top_temperature
         pressure = start + _running_integral(level, new)

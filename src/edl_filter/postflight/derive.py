@@ -129,7 +129,9 @@ def _atmospheres(
     i: PostflightInputs, motion: SmoothedMotion, valid: BoolArray
 ) -> tuple[AtmosphereProfile, AtmosphereProfile]:
     """The atmosphere extracted from the flight, and the preflight one."""
-    axial = AxialForce(motion.force[:, 0], motion.force_sigma, i.force_noise, i.bias_sigma[0], i.mass, i.mass_sigma)
+    axial = AxialForce(
+        motion.force[:, 0], motion.force_sigma, i.force_noise, i.bias_sigma[0], i.mass, i.mass_sigma, motion.smoother
+    )
     path = (i.time, i.altitude, i.speed, i.alpha_total)
     return (
         extract_atmosphere(

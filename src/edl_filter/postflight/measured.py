@@ -29,7 +29,7 @@ def as_measured(
     diameter: float,
     inertia: Array,
 ) -> DatabaseCoefficients:
-    """CN, CY, Cl, Cm and Cn through the flight's sampling, smoothing and differencing.
+    """The six coefficients through the flight's sampling, smoothing and differencing.
 
     Parameters
     ----------
@@ -53,26 +53,26 @@ def as_measured(
     Returns
     -------
     DatabaseCoefficients
-        CA, sigmas and flags are those of `database`. NaN where the database is NaN within a batch.
+        Sigmas and flags are those of `database`. NaN where the database is NaN within a batch.
     """
     area = reference_area(diameter)
     q = 0.5 * atmosphere.density * speed**2
     per_force, per_moment = q * area / np.asarray(mass, float), q * area * diameter
     v = database.value
     missing = ~np.isfinite(v["CN"])
-    lateral = np.stack((per_force * v["CN"], per_force * v["CY"]), axis=1)
+    force = np.stack([per_force * v[name] for name in ("CA", "CN", "CY")], axis=1)
     moment = np.stack((per_moment * v["Cl"], per_moment * v["Cm"], per_moment * v["Cn"]), axis=1)
-    lateral[missing], moment[missing] = 0.0, 0.0
+    force[missing], moment[missing] = 0.0, 0.0
     gyroscopic = np.cross(rate, tensor_product(inertia, rate))
     acceleration = tensor_product(np.asarray(np.linalg.inv(inertia), np.float64), moment - gyroscopic)
     smoothed_moment = tensor_product(inertia, smoother.as_derived(acceleration)) + gyroscopic
-    smoothed_force = smoother.as_smoothed(lateral)
+    smoothed_force = smoother.as_smoothed(force)
     reach = 2 * smoother.points
     near = np.convolve(missing, np.ones(int(reach.max()) + 1), mode="same") > 0.0 if missing.any() else missing
     value = {
-        **v,
-        "CN": np.where(near, np.nan, smoothed_force[:, 0] / per_force),
-        "CY": np.where(near, np.nan, smoothed_force[:, 1] / per_force),
+        "CA": np.where(near, np.nan, smoothed_force[:, 0] / per_force),
+        "CN": np.where(near, np.nan, smoothed_force[:, 1] / per_force),
+        "CY": np.where(near, np.nan, smoothed_force[:, 2] / per_force),
         "Cl": np.where(near, np.nan, smoothed_moment[:, 0] / per_moment),
         "Cm": np.where(near, np.nan, smoothed_moment[:, 1] / per_moment),
         "Cn": np.where(near, np.nan, smoothed_moment[:, 2] / per_moment),

@@ -251,9 +251,7 @@ def _in_windows(parity: Parity, pair: Pair, triad: str, probability: float) -> B
     """Samples (N,) in a window of which the median of the squares, or the mean of the parity, is significant.
 
     A median or a mean exceeds its limit where most of its window does: all of the window may be wrong. The mean is that
-    of the samples that no median marks. In it the noise averages out, and the errors that vary in flight do not. Where
-    the interpolation of the rates errs much, the regression's constants contain a part of it, which is in the mean of
-    all other samples: at most its root mean square.
+    of the samples that no median marks. In it the noise averages out, and the errors that vary in flight do not.
     """
     reference = pair.reference
     significant = np.zeros(len(reference), bool)
@@ -271,8 +269,7 @@ def _in_windows(parity: Parity, pair: Pair, triad: str, probability: float) -> B
         uniform_filter1d(values[known], size, axis=0, mode="mirror")
         for values in (parity.value, parity.noise, parity.varying, parity.attenuation)
     )
-    unresolved = float(np.mean(pair.arm_error[known] ** 2)) if triad == "force" else 0.0
-    square = np.sum(mean**2 / (noise / size + varying + attenuation**2 + unresolved), axis=1)
+    square = np.sum(mean**2 / (noise / size + varying + attenuation**2), axis=1)
     bad = square > _limit(probability, size, len(known))
     significant[known] |= maximum_filter1d(bad.astype(np.int8), size, mode="nearest") > 0
     return significant

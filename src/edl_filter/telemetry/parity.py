@@ -141,6 +141,8 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
     own = pair.rate if triad == "rate" else pair.force
     own_noise = reference.rate_noise if triad == "rate" else reference.force_noise
     change = mean_derivative(reference.interval, own)
+    noise, varying = variances(pair, triad, own)
+    precision = 1.0 / np.sqrt(noise)
     for _ in range(_DELAY):
         used = pair.usable & covered(pair.checked, edges + delay)
         fitted = used & rows
@@ -155,21 +157,22 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
         delays, weights, delay_variances = np.zeros(3), np.zeros(3), np.zeros(3)
         attenuation = np.zeros_like(own)
         for k in range(3):
-            design = _regressors(reference.time, own, change, columns, k)
-            size = np.maximum(np.linalg.norm(design[fitted], axis=0), 1e-300)
-            values = np.linalg.lstsq(design[fitted] / size, difference[fitted, k], rcond=1e-10)[0] / size
+            design, weight = _regressors(reference.time, own, change, columns, k), precision[fitted, k]
+            scaled = weight[:, None] * design[fitted]
+            size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+            scaled /= size
+            values = np.linalg.lstsq(scaled, weight * difference[fitted, k], rcond=1e-10)[0] / size
             parity[used, k] = difference[used, k] - design[used] @ values
-            delays[k], weights[k] = values[4], np.sum(change[fitted, k] ** 2)
-            scaled = design[fitted] / size
+            delays[k], weights[k] = values[4], np.sum((weight * change[fitted, k]) ** 2)
             inverse = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / size**2
-            delay_variances[k] = np.mean(parity[fitted, k] ** 2) * inverse[4]
-            share = min(float(np.sum(own_noise[fitted] ** 2)) * inverse[1 + k], 1.0)
+            delay_variances[k] = np.mean((weight * parity[fitted, k]) ** 2) * inverse[4]
+            share = min(float(np.sum((weight * own_noise[fitted]) ** 2)) * inverse[1 + k], 1.0)
             attenuation[:, k] = share * (own[:, k] - np.mean(own[fitted, k]))
         delay_sigma = np.inf
         if weights.any():
             delay = float(np.clip(delay + np.average(delays, weights=weights), -_LARGEST_DELAY, _LARGEST_DELAY))
             delay_sigma = float(np.sqrt(np.sum(weights**2 * delay_variances)) / np.sum(weights))
-    return Parity(parity, *variances(pair, triad, own), attenuation, delay, delay_sigma)
+    return Parity(parity, noise, varying, attenuation, delay, delay_sigma)
 
 
 def _arm_accelerations(pair: Pair, rate: Array) -> list[Array]:
