@@ -41,7 +41,10 @@ def test_constant_coefficients_at_a_constant_rate_are_not_changed():
 def test_an_oscillation_is_attenuated_as_that_of_forces_and_moments_is():
     """Forces by the means and the smoothing, moments by the derivative of smoothed means; about a principal axis."""
     wave = np.sin(2.0 * np.pi * 0.7 * TIME)
-    result = measured(constant() | {"CA": 3.0 * wave, "CN": wave, "CY": 2.0 * wave, "Cl": 0.0 * wave, "Cm": wave, "Cn": wave}, (0, 0, 0))
+    result = measured(
+        constant() | {"CA": 3.0 * wave, "CN": wave, "CY": 2.0 * wave, "Cl": 0.0 * wave, "Cm": wave, "Cn": wave},
+        (0, 0, 0),
+    )
     force = SMOOTHER.as_smoothed(wave[:, None])[:, 0]
     moment = SMOOTHER.as_derived(wave[:, None])[:, 0]
     np.testing.assert_allclose(result.value["CA"][INNER], 3.0 * force[INNER], atol=1e-12)

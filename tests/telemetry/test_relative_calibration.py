@@ -7,6 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from edl_filter.imu_model.sensor_errors import SensorErrors
+from edl_filter.simulation import Scenario, simulate
+from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.telemetry.relative_calibration import relative_calibration
 
@@ -164,3 +166,18 @@ def test_gyros_that_read_zero_leave_what_they_determine_unknown(axes):
     assert np.isfinite(sigmas).all() and np.all(estimate.force_bias_sigma < 0.01)
     if len(axes) == 3:
         assert np.all(estimate.rate_alignment_sigma[1:] > 1e3) and np.all(estimate.lever_arm_sigma > 1e3)
+
+
+@pytest.mark.parametrize(("seed", "offset"), [(1, -0.04), (2, 0.03), (3, 0.04)])
+def test_the_lever_arm_is_within_its_sigmas_where_the_samples_do_not_resolve_the_motion(seed, offset, tmp_path):
+    """An offset centre of mass: at 1.2 Hz and 8 Hz the interpolation errs in phase with the lever arm's acceleration.
+
+    With one weight for all samples of an axis the errors are up to eight sigmas.
+    """
+    scenario = Scenario.load("builtin:mer", [f"effects=[{{name: com_offset, parameters: {{dz: {offset}}}}}]"])
+    flight = simulate(scenario, seed=seed)
+    telemetry = read_flight_file(flight.write(tmp_path / "flight.h5"))
+    end = flight.motion.deployed - 1.0
+    estimate = relative_calibration(telemetry.driving, telemetry.checking[0], -np.inf, end)
+    assert np.max(np.abs(estimate.lever_arm - estimate.stated_lever_arm) / estimate.lever_arm_sigma) < 3.5
+    assert np.max(estimate.lever_arm_sigma) < 1e-3 and abs(estimate.delay) < 3.5 * estimate.delay_sigma

@@ -10,9 +10,11 @@ with δ the error of the stated lever arm, φ the small rotations of the gyro an
 scale error along the axis of symmetry x and τ the delay of the checked IMU. To first order φ, s and b are the errors of
 `imu_model.sensor_errors`, φ = -m; the gyros have a φ too, because the axes are those of the reference. Lateral forces
 are too small to show their scale errors, or a rotation of the accelerometers about x: that of the gyros is used for it.
-Method: least squares with the channels weighted by the scatter of their residuals. The vehicle's structure vibrates and
-the residuals are correlated in time; the covariance is therefore computed from the sums of the scores over blocks that
-are longer than the correlation (cluster-robust covariance, Liang & Zeger 1986). Output: `RelativeCalibration`.
+Method: least squares with weights. The variance of a difference is that of its axis, from the residuals, and in the
+forces that of the lever-arm acceleration's interpolation: where the samples do not resolve an oscillation, it errs in
+phase with the derivative by the lever arm. The vehicle's structure vibrates and the residuals are correlated in time;
+the covariance is therefore computed from the sums of the scores over blocks that are longer than the correlation
+(cluster-robust covariance, Liang & Zeger 1986). Output: `RelativeCalibration`.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from edl_filter.telemetry.resampling import (
     GAP_REACH,
     comparable_records,
     covered_by,
+    interpolation_sigma,
     means_between,
     near_lost,
     readings_integral,
@@ -40,8 +43,8 @@ from edl_filter.types import Array, BoolArray
 FEWEST_SAMPLES = 100
 #: Length of the blocks of the covariance, s: several oscillations of an entry vehicle; at least so many blocks.
 _BLOCK_LENGTH, _FEWEST_BLOCKS = 5.0, 25
-#: Iterations of the channel weights.
-_WEIGHT_ITERATIONS = 3
+#: Iterations of the weights.
+_WEIGHT_ITERATIONS = 4
 #: Iterations of the linearisation.
 _ITERATIONS = 3
 #: Least scatter of an axis and size of a column; and sigma of a parameter that the differences do not contain.
@@ -150,13 +153,16 @@ def relative_calibration(
 
     columns = [arm_acceleration(np.tile(axis, (len(rate), 1))) for axis in np.eye(3)]
     integral = readings_integral(checked, checked.specific_force, checked.angular_rate)
+    unresolved = np.zeros((6, int(used.sum())))
+    if faster is reference:
+        unresolved[:3] = (interpolation_sigma(reference.interval, rate) * np.linalg.norm(offset, axis=1))[used]
     error, delay = np.zeros(3), 0.0
     for _ in range(_ITERATIONS):  # products of the errors: delay times lever arm, rotation times lever arm
         predicted = force + arm_acceleration(offset + error)
         checked_force, checked_rate = means_between(integral, edges + delay)
         differences = np.hstack((checked_force - predicted, checked_rate - rate))[used].T
         design = _design(reference, predicted, rate, used, columns)
-        values, sigma, scatter = _least_squares(reference.time[used], differences, design)
+        values, sigma, scatter = _least_squares(reference.time[used], differences, design, unresolved)
         error, delay = error + values["lever_arm"], delay + float(values["delay"][0])
     times = reference.time[used]
     arm = stated[original.index_at(times[-1:] - 0.5 * reference.interval[used][-1:])][0]
@@ -228,7 +234,9 @@ def _at_least(scatter: Array) -> Array:
     return np.maximum(scatter, np.maximum(_LEAST_SHARE * largest, _LEAST))
 
 
-def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
+def _least_squares(
+    times: Array, differences: Array, design: Array, unresolved: Array
+) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Weighted least squares with the covariance of correlated residuals.
 
     Parameters
@@ -239,6 +247,8 @@ def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dic
         Of the force, m/s², and the rate, rad/s, by axis.
     design : (6, n, P) array
         Of `_design`.
+    unresolved : (6, n) array
+        One sigma of the differences' error by interpolation.
 
     Returns
     -------
@@ -246,21 +256,31 @@ def _least_squares(times: Array, differences: Array, design: Array) -> tuple[dic
         By the names of `_BLOCKS`.
     scatter : (6,) array
         Of the residuals of each axis.
+
+    Notes
+    -----
+    The variance of an axis is the weighted mean of the squared residuals less the squares of `unresolved` (estimate of
+    a variance component by moments). The errors by interpolation are coherent over the oscillations of a block: their
+    mean over a block has their own variance, not that divided by the number of samples, which multiplies the variance
+    in the weights.
     """
-    products = np.swapaxes(design, 1, 2) @ design  # of each axis, whose weights change
-    projections = (differences[:, None, :] @ design)[:, 0]
+    length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
+    coherent = max(1.0, length * len(times) / (times[-1] - times[0])) * unresolved**2
+    rows = design.reshape(-1, design.shape[2])
     # an axis that reads one value throughout has no scatter, and a parameter that moves nothing no size
-    scatter = _at_least(np.std(differences, axis=1))
+    variance = _at_least(np.std(differences, axis=1)) ** 2
     for _ in range(_WEIGHT_ITERATIONS):
-        weight = scatter**-2.0
-        normal = np.tensordot(weight, products, 1)
+        weight = 1.0 / (variance[:, None] + coherent)
+        weighted = weight.reshape(-1, 1) * rows
+        normal = weighted.T @ rows
         size = np.maximum(np.sqrt(np.diag(normal)), _LEAST)
         inverse = np.linalg.pinv(normal / np.outer(size, size), hermitian=True)
-        values = inverse @ (weight @ projections / size) / size
+        values = inverse @ (weighted.T @ differences.ravel() / size) / size
         residual = differences - design @ values
-        scatter = _at_least(np.std(residual, axis=1))
-    scores = sum((weight[k] * residual[k])[:, None] * design[k] for k in range(6)) / size
-    length = min(_BLOCK_LENGTH, (times[-1] - times[0]) / _FEWEST_BLOCKS)
+        moments = np.sum(weight**2 * (residual**2 - unresolved**2), axis=1) / np.sum(weight**2, axis=1)
+        variance = _at_least(np.sqrt(np.maximum(moments, 0.0))) ** 2
+    scatter = _at_least(np.std(residual, axis=1))
+    scores = np.sum((residual.reshape(-1, 1) * weighted).reshape(design.shape), axis=0) / size
     _, block = np.unique(np.floor((times - times[0]) / length), return_inverse=True)
     sums = np.zeros((block[-1] + 1, scores.shape[1]))
     np.add.at(sums, block, scores)
