@@ -74,7 +74,6 @@ COVERED_BY = {
     "results/campaign_variables.py": ["results/test_campaign_statistics.py", "workflow/test_campaign_case.py"],
     "results/groups.py": ["results/test_reader.py"],
     "results/hdf5.py": ["results/test_netcdf.py", "results/test_reader.py"],
-    "results/landing.py": ["results/test_summary.py"],
     "results/reopen.py": ["workflow/test_diagnose_result.py"],
     "results/residual_series.py": ["results/test_reader.py"],
     "results/verdicts.py": ["diagnosis/selection/test_decision.py"],

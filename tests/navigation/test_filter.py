@@ -196,7 +196,10 @@ def test_a_start_inside_the_telemetry_drops_the_samples_before_it():
 def test_a_constraint_outside_the_telemetry_is_named(time):
     with pytest.raises(InputError) as error:
         build([height(time)])
-    assert str(error.value) == (f"constraints.altimeter: its time {time:g} s is outside the reconstruction, 0 to 10 s.")
+    assert str(error.value) == (
+        f"constraints.altimeter: its time {time:g} s is outside the reconstruction, 0 to 10 s; remove the constraint, "
+        "or read telemetry that contains its time."
+    )
 
 
 @pytest.mark.parametrize("time", [-0.5, 10.0, 12.0])

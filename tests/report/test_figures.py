@@ -195,6 +195,15 @@ def test_landing_without_its_constraint(tree):
     np.testing.assert_allclose(spread, 1.1e5 * np.eye(2), atol=1e-3)
 
 
+def test_a_record_that_ends_in_flight_has_a_track_and_no_landing(tree):
+    groups = {node.path: node.to_dataset() for node in tree.subtree if "landing" not in node.path}
+    before = groups["/events"].isel(event=[name != "landing" for name in EVENTS])
+    reader = ResultReader.of(xr.DataTree.from_dict(groups | {"/events": before}))
+    figure = track.track_figure(reader)
+    assert figure.title == "Test flight: ground track" and [len(row) for row in figure.rows] == [1, 1]
+    assert {row[0].x.label for row in figure.rows} == {"east of the end of the record"}
+
+
 def test_map_keeps_distance_along_the_ground(tree):
     local = LocalMap.centred_at(np.array([RADIUS, 0.0, 0.0]))
     for angle in (1e-6, 0.1, 0.5):

@@ -58,6 +58,17 @@ def test_a_recovery_says_when_why_and_by_how_much(cause, text):
     assert text in sentence
 
 
+LANDING = Landing(
+    landed=True, time_s=1.0, lat_deg=-14.569, lon_deg=175.47, radius_m=3.39e6, miss_m=5.0, sigma_m=40.0
+)  # fmt: skip
+
+
 def test_latitude_has_its_hemisphere():
-    landing = Landing(time_s=1.0, lat_deg=-14.569, lon_deg=175.47, radius_m=3.39e6, miss_m=5.0, sigma_m=40.0)
-    assert landing_sentence(landing).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
+    assert landing_sentence(LANDING).startswith("Landing: 14.5690 S 175.4700 E, 5 ± 40 m from the site.")
+
+
+def test_a_record_without_a_landing_has_no_miss():
+    place = "14.5690 S 175.4700 E (± 40 m)."
+    ended = LANDING.model_copy(update={"landed": False, "miss_m": None})
+    assert landing_sentence(ended) == f"The record ends at 1.00 s, before the landing, over {place}"
+    assert landing_sentence(LANDING.model_copy(update={"miss_m": None})) == f"Landing: {place}"

@@ -35,7 +35,7 @@ def test_a_summary_with_a_wrong_number(tmp_path, summary):
         read_summary(tmp_path)
     assert str(caught.value) == (
         f"{tmp_path}/summary.json: landing.miss_m: found 'far' (text); expected a number (horizontal distance from the "
-        "site, m; null without a site); run 'edl-filter run' again."
+        "site, m; null without a site or a landing); run 'edl-filter run' again."
     )
 
 

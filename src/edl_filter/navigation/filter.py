@@ -238,7 +238,7 @@ def build_problem(
         if not initial.time - SAME_TIME <= c.time <= last + SAME_TIME:
             raise InputError(
                 f"constraints.{c.name}: its time {c.time:g} s is outside the reconstruction, "
-                f"{initial.time:g} to {last:g} s."
+                f"{initial.time:g} to {last:g} s; remove the constraint, or read telemetry that contains its time."
             )
     stops = [initial.time, *(c.time for c in constraints), *(t for t in times if initial.time < t < last)]
     samples = samples.split(np.array(stops))

@@ -89,9 +89,10 @@ def window(samples: Samples, start: float, end: float, name: str) -> Samples:
     """Samples within the window of the constraint `name`, from `start` to `end` (s)."""
     first, last = samples.index(start), samples.index(end)
     if last - first < 2:
+        stretch = f"between {start:g} and {end:g} s" if end > start else f"from {start:g} s on"
         raise InputError(
-            f"constraints.{name}: no telemetry between {start:g} and {end:g} s; it runs from "
-            f"{samples.time[0]:g} to {samples.time[-1]:g} s."
+            f"constraints.{name}: no telemetry {stretch}; it runs from {samples.time[0]:g} to {samples.time[-1]:g} s. "
+            "Remove the constraint, or state a time within the telemetry."
         )
     return samples.part(first, last)
 

@@ -113,14 +113,16 @@ def _length(vector: tuple[float | None, ...]) -> float:
 
 
 def landing_sentence(landing: Landing) -> str:
-    """Landing position, and its prediction without the landing constraint; empty without a site."""
+    """Landing position, and its prediction without the landing constraint; or the end of a record without a landing."""
     latitude, miss, sigma = landing.lat_deg, landing.miss_m, landing.sigma_m
-    if latitude is None or landing.lon_deg is None or miss is None or sigma is None:
+    if latitude is None or landing.lon_deg is None or sigma is None:
         return ""
-    sentence = (
-        f"Landing: {abs(latitude):.4f} {'S' if latitude < 0.0 else 'N'} {landing.lon_deg:.4f} E, "
-        f"{miss:.0f} ± {sigma:.0f} m from the site"
-    )
+    place = f"{abs(latitude):.4f} {'S' if latitude < 0.0 else 'N'} {landing.lon_deg:.4f} E"
+    if not landing.landed:
+        return f"The record ends at {landing.time_s:.2f} s, before the landing, over {place} (± {sigma:.0f} m)."
+    if miss is None:
+        return f"Landing: {place} (± {sigma:.0f} m)."
+    sentence = f"Landing: {place}, {miss:.0f} ± {sigma:.0f} m from the site"
     if (out := landing.left_out) is not None and out.miss_m is not None and out.sigma_m is not None:
         sentence += f"; predicted without it {out.miss_m / 1e3:.2f} ± {out.sigma_m / 1e3:.2f} km away"
     return sentence + "."

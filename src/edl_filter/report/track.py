@@ -59,6 +59,8 @@ class LandingEstimate:
 
     Attributes
     ----------
+    landed : bool
+        Whether the vehicle landed within the record; else the position is that at its end.
     time : float
         s since the epoch.
     position, covariance : (3,) and (3, 3) arrays
@@ -69,6 +71,7 @@ class LandingEstimate:
         Prediction without the landing constraint, m and m².
     """
 
+    landed: bool
     time: float
     position: Array
     covariance: Array
@@ -78,8 +81,15 @@ class LandingEstimate:
 
     @property
     def map(self) -> LocalMap:
-        """Map about the site, or about the estimated landing if there is no site."""
+        """Map about the site, or about the estimate if there is no site."""
         return LocalMap.centred_at(self.position if self.site is None else self.site)
+
+    @property
+    def origin(self) -> str:
+        """Origin of the map, in words."""
+        if self.site is not None:
+            return "the site"
+        return "the estimated landing" if self.landed else "the end of the record"
 
 
 def fixed_track(reader: ResultReader) -> Array:
@@ -96,6 +106,8 @@ def landing_estimate(reader: ResultReader) -> LandingEstimate:
     time, track = reader.time, fixed_track(reader)
     landing_time = reader.events.get("landing", float(time[-1]))
     group = "constraints/landing"
+    at_rest = reader.variable("constraints/rest_velocity", "time") is not None
+    landed = "landing" in reader.events or at_rest or reader.variable(group, "time") is not None
     if (times := reader.variable(group, "time")) is not None:
         landing_time = float(np.atleast_1d(times)[0])
     k = int(np.argmin(np.abs(time - landing_time)))
@@ -113,7 +125,7 @@ def landing_estimate(reader: ResultReader) -> LandingEstimate:
         noise, total = reader.variable(group, "noise"), reader.variable(group, "left_out_covariance")
         if noise is not None and total is not None:
             predicted_covariance = total - noise.reshape(-1, 3, 3)[0]
-    return LandingEstimate(float(time[k]), track[k], smoothed, site, predicted, predicted_covariance)
+    return LandingEstimate(landed, float(time[k]), track[k], smoothed, site, predicted, predicted_covariance)
 
 
 def ground_track(reader: ResultReader) -> Panel:
@@ -181,16 +193,18 @@ def landing_ellipse(reader: ResultReader, near: bool = False) -> Panel:
 def track_figure(reader: ResultReader) -> Figure:
     """Ground track, and the landing with its ellipses."""
     track, far, near = ground_track(reader), landing_ellipse(reader), landing_ellipse(reader, near=True)
-    rows = ((track,), (replace(far, legend=None), replace(near, legend=None)))
+    landing = landing_estimate(reader)
+    both = landing.site is not None or landing.predicted is not None
+    rows = ((track,), tuple(replace(panel, legend=None) for panel in ((far, near) if both else (far,))))
+    subject = "ground track and landing" if landing.landed else "ground track"
     return Figure(
-        f"{reader.title}: ground track and landing", rows, (2.8, 3.75), (1.0, 1.0), margins=(0.95, 0.3, 1.2),
+        f"{reader.title}: {subject}", rows, (2.8, 3.75), (1.0, 1.0), margins=(0.95, 0.3, 1.2),
         gaps=(0.25, 0.26), legend=True,
     )  # fmt: skip
 
 
 def _axes(landing: LandingEstimate) -> tuple[Axis, Axis]:
-    origin = "the estimated landing" if landing.site is None else "the site"
-    return Axis(f"east of {origin}", "km"), Axis("north", "km")
+    return Axis(f"east of {landing.origin}", "km"), Axis("north", "km")
 
 
 def _curve(points: Array, label: str, colour: str, width: float, **style: Any) -> Curve:

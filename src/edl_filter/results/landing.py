@@ -9,6 +9,7 @@ import numpy as np
 from edl_filter.estimation.series import interpolate_columns
 from edl_filter.pipeline.reconstruct import Reconstruction
 from edl_filter.planet import ellipsoid
+from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.types import Array
 
 
@@ -50,18 +51,29 @@ def _miss(miss: Array, covariance: Array) -> dict[str, float]:
     return content
 
 
+def landing_sample(reconstruction: Reconstruction) -> tuple[int, bool]:
+    """Index of the trajectory's state at the landing, and whether the vehicle landed within the record.
+
+    The landing is that of the constraint, or the event. If there is neither, it is the end of the trajectory, where the
+    vehicle has landed if a constraint states that it is at rest.
+    """
+    times = reconstruction.trajectory.time
+    fused = {f.constraint.name: f.constraint.time for f in reconstruction.filter_pass.fused}
+    time = fused.get("landing", reconstruction.event_times.get("landing", np.inf))
+    landed = bool(time <= times[-1] + SAME_TIME)
+    k = int(np.argmin(np.abs(times - time))) if landed else len(times) - 1
+    return k, landed or "rest_velocity" in fused
+
+
 def landing(reconstruction: Reconstruction) -> dict[str, Any]:
     """Landing position of the trajectory, its distance from the site, and that of the leave-one-out prediction.
 
     ``miss_m`` and ``sigma_m`` are horizontal. Sigmas are those of the trajectory, and in ``left_out`` those of
-    prediction and site together. Without a known site there is no miss.
+    prediction and site together. Without a known site there is no miss, nor if the record ends before the landing: the
+    position is that at its end then.
     """
-    site = reconstruction.site
-    fused = next((f for f in reconstruction.filter_pass.fused if f.constraint.name == "landing"), None)
-    times = reconstruction.event_times
-    trajectory = reconstruction.trajectory
-    time = fused.constraint.time if fused else times.get("landing", float(trajectory.time[-1]))
-    k = int(np.argmin(np.abs(trajectory.time - time)))
+    trajectory, (k, landed) = reconstruction.trajectory, landing_sample(reconstruction)
+    site = reconstruction.site if landed else None
     rotation = reconstruction.planet.rotation
     position = rotation.to_fixed(trajectory.time[k], trajectory.position[k])
     latitude, longitude, radius = ellipsoid.areocentric_from_fixed(position)
@@ -71,6 +83,7 @@ def landing(reconstruction: Reconstruction) -> dict[str, Any]:
         enu_from_inertial @ trajectory.covariance_at(trajectory.time[k : k + 1])[0, :3, :3] @ enu_from_inertial.T
     )
     content: dict[str, Any] = {
+        "landed": landed,
         "time_s": float(trajectory.time[k]),
         "lat_deg": float(np.rad2deg(latitude)),
         "lon_deg": float(np.rad2deg(longitude)) % 360.0,

@@ -24,6 +24,7 @@ from edl_filter.pipeline.trust import lost_motion
 from edl_filter.postflight.airdata import air_data
 from edl_filter.postflight.events import events
 from edl_filter.results.campaign_variables import AXES, EVENT_VALUES, PARTS, PHASES, STATE
+from edl_filter.results.landing import landing_sample
 from edl_filter.simulation import simulate
 from edl_filter.simulation.campaign_config import Campaign
 from edl_filter.simulation.dispersion import CampaignFlight, CaseDraw, draw_case, load_flight
@@ -135,13 +136,11 @@ class CaseRunner:
 def landing_values(reconstruction: Reconstruction) -> dict[str, Any]:
     """Planet-fixed landing position as estimated, and as predicted without the landing constraint, with their sigmas.
 
-    A sigma is the root of the sum of the horizontal variances.
+    A sigma is the root of the sum of the horizontal variances. Empty if the record ends before the landing.
     """
-    r = reconstruction
-    fused = next((f for f in r.filter_pass.fused if f.constraint.name == "landing"), None)
-    end = float(r.trajectory.time[-1])
-    time_of_landing = fused.constraint.time if fused else r.event_times.get("landing", end)
-    k = int(np.argmin(np.abs(r.trajectory.time - time_of_landing)))
+    r, (k, landed) = reconstruction, landing_sample(reconstruction)
+    if not landed:
+        return {}
     rotation, instant = r.planet.rotation, float(r.trajectory.time[k])
     position = rotation.to_fixed(instant, r.trajectory.position[k])
     inertial_covariance = r.trajectory.covariance_at(r.trajectory.time[k : k + 1])[0, :3, :3]
@@ -151,7 +150,7 @@ def landing_values(reconstruction: Reconstruction) -> dict[str, Any]:
         "landing_sigma": _horizontal_sigma(position, covariance),
     }
     check = next((c for c in r.constraint_checks if c.name == "landing"), None)
-    if check is not None and r.site is not None and fused is not None:
+    if check is not None and r.site is not None:
         predicted = r.site - check.left_out
         values["predicted_landing_position"] = dict(zip(AXES, predicted.tolist(), strict=True))
         values["predicted_landing_sigma"] = _horizontal_sigma(predicted, check.left_out_covariance)

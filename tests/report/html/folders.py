@@ -79,7 +79,15 @@ def summary(folder, title="A flight", **changes):
         ("position_change_m", "position_sigma_m", "velocity_change_m_s", "velocity_sigma_m_s", "attitude_change_deg",
          "attitude_sigma_deg", "rotation_inertial_deg", "rotation_leaves_m", "rotation_leaves_m_s"), vector,
     )  # fmt: skip
-    place = {"time_s": 299.0, "lat_deg": -14.5, "lon_deg": 175.4, "radius_m": 3.39e6, "miss_m": None, "sigma_m": 40.0}
+    place = {
+        "landed": True,
+        "time_s": 299.0,
+        "lat_deg": -14.5,
+        "lon_deg": 175.4,
+        "radius_m": 3.39e6,
+        "miss_m": None,
+        "sigma_m": 40.0,
+    }
     content = {"trustworthy": True, "headline": None, "causes": [], "recovery": None, "mission": "toy",
                "title": title, "edl_filter_version": "0.1.0", "epoch_utc": "2004-01-04T04:19:52",
                "events": {"entry_interface": event | {"time_s": 0.0}, "parachute_deploy": event | {"time_s": 250.0},

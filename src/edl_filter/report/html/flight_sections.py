@@ -33,7 +33,7 @@ from edl_filter.report.text import (
     with_fixed_sigma,
     words,
 )  # fmt: skip
-from edl_filter.report.track import ground_track
+from edl_filter.report.track import ground_track, landing_estimate
 from edl_filter.report.trajectory import altitude_over_speed, flight_history
 from edl_filter.results.reader import ResultReader
 from edl_filter.results.schema.summary import ConstraintSummary, EventState
@@ -94,7 +94,7 @@ def trajectory(reader: ResultReader) -> Section:
         plots.append(Plot.of_figure("altitude_speed", "Altitude against velocity.", altitude_over_speed(reader), 420))
     if reader.has("trajectory:position", "trajectory:longitude"):
         track = Figure("", ((ground_track(reader),),), (1.0,))
-        caption_of_track = "Ground track in km from the landing site, with a mark every 30 s."
+        caption_of_track = f"Ground track in km from {landing_estimate(reader).origin}, with a mark every 30 s."
         plots.append(Plot.of_figure("ground_track", caption_of_track, track, 420))
     if reader.has("trajectory:alpha_total"):
         angle = replace(total_angle_of_attack(reader), name="total_angle_of_attack")

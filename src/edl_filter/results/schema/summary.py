@@ -58,11 +58,12 @@ class LeftOutLanding(Content):
 class Landing(Content):
     """Landing position of the trajectory, and its distance from the site."""
 
+    landed: bool = key("whether the vehicle landed within the record; false: the position is that at its end")
     time_s: float = key("time since the epoch, s")
     lat_deg: Number = key("areocentric latitude, deg, north positive")
     lon_deg: Number = key("longitude, deg, east positive, 0 to 360")
     radius_m: Number = key("distance from the planet's centre, m")
-    miss_m: Number = key("horizontal distance from the site, m; null without a site")
+    miss_m: Number = key("horizontal distance from the site, m; null without a site or a landing")
     sigma_m: Number = key("root of the sum of the horizontal variances of the trajectory, m")
     miss_east_m: Number = optional("distance from the site towards east, m; absent without a site")
     sigma_east_m: Number = optional("1 sigma of it, m; absent without a site")
