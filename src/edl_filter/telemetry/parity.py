@@ -10,6 +10,7 @@ these vary in flight, and the delay.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,8 @@ class Pair:
         Samples of the reference that are direct readings before the end of the comparison.
     rate, force : (N, 3) arrays
         Readings of the reference, the force at the place of the checked IMU; zero where lost.
+    arm_accelerations : tuple of (N, 3) arrays
+        Of a lever arm of one metre along each axis, by the rates of the reference, m/s².
     arm_error : (N,) array
         One sigma of the force by the interpolation between the rates' samples (`interpolation_sigma`), m/s².
     integral : PiecewiseSpline
@@ -50,6 +53,7 @@ class Pair:
     usable: BoolArray
     rate: Array
     force: Array
+    arm_accelerations: tuple[Array, Array, Array]
     arm_error: Array
     integral: PiecewiseSpline
 
@@ -112,6 +116,7 @@ def pair_of(reference: ImuRecord, checked: ImuRecord, end: float) -> Pair:
         usable,
         rate,
         force + lever_arm_acceleration(reference.interval, rate, arm, reference.unit),
+        _arm_accelerations(reference, rate),
         interpolation_sigma(reference.interval, rate) * np.linalg.norm(arm, axis=1),
         readings_integral(checked, checked.specific_force, checked.angular_rate),
     )
@@ -143,7 +148,7 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
     change = mean_derivative(reference.interval, own)
     noise, varying = variances(pair, triad, own)
     precision = 1.0 / np.sqrt(noise)
-    for _ in range(_DELAY):
+    for iteration in range(_DELAY):
         used = pair.usable & covered(pair.checked, edges + delay)
         fitted = used & rows
         if np.count_nonzero(fitted) < FEWEST_SAMPLES:
@@ -152,7 +157,9 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
             return Parity(infinite, ones, ones, ones, delay, np.inf)
         force, rate = means_between(pair.integral, edges + delay)
         difference = (force if triad == "force" else rate) - own
-        columns = _arm_accelerations(pair, rate) if triad == "force" else []
+        columns: tuple[Array, ...] = ()
+        if triad == "force":  # an error or a delay of one IMU's gyros is in the lever-arm acceleration by its rates
+            columns = (*pair.arm_accelerations, *_arm_accelerations(reference, np.ascontiguousarray(rate)))
         parity = np.full_like(own, np.nan)
         delays, weights, delay_variances = np.zeros(3), np.zeros(3), np.zeros(3)
         attenuation = np.zeros_like(own)
@@ -164,6 +171,8 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
             values = np.linalg.lstsq(scaled, weight * difference[fitted, k], rcond=1e-10)[0] / size
             parity[used, k] = difference[used, k] - design[used] @ values
             delays[k], weights[k] = values[4], np.sum((weight * change[fitted, k]) ** 2)
+            if iteration < _DELAY - 1:
+                continue
             inverse = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)) / size**2
             delay_variances[k] = np.mean((weight * parity[fitted, k]) ** 2) * inverse[4]
             share = min(float(np.sum((weight * own_noise[fitted]) ** 2)) * inverse[1 + k], 1.0)
@@ -175,20 +184,16 @@ def parity_of(pair: Pair, triad: str, rows: BoolArray, delay: float) -> Parity:
     return Parity(parity, noise, varying, attenuation, delay, delay_sigma)
 
 
-def _arm_accelerations(pair: Pair, rate: Array) -> list[Array]:
-    """Six lever-arm accelerations (N, 3) for one metre along each axis, by the rates (N, 3) of both IMUs.
-
-    An error of the gyros of one IMU, or their delay against its accelerometers, is in the acceleration by its rates.
-    """
-    reference = pair.reference
-    return [
-        lever_arm_acceleration(reference.interval, rates, np.tile(axis, (len(rate), 1)), reference.unit)
-        for rates in (pair.rate, np.ascontiguousarray(rate))
+def _arm_accelerations(reference: ImuRecord, rate: Array) -> tuple[Array, Array, Array]:
+    """Lever-arm accelerations (N, 3) for one metre along each axis, by rates (N, 3) in the samples of the reference."""
+    x, y, z = (
+        lever_arm_acceleration(reference.interval, rate, np.tile(axis, (len(rate), 1)), reference.unit)
         for axis in np.eye(3)
-    ]
+    )
+    return x, y, z
 
 
-def _regressors(time: Array, own: Array, change: Array, columns: list[Array], axis: int) -> Array:
+def _regressors(time: Array, own: Array, change: Array, columns: Sequence[Array], axis: int) -> Array:
     """Derivatives (N, P) of one axis of the difference by bias, scale, misalignments, delay, drift and lever arm."""
     return np.column_stack(
         [
