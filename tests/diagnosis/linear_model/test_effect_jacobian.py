@@ -21,7 +21,7 @@ from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.dead_reckoning import corrected_readings, node_rates
 from edl_filter.diagnosis.prediction.predicted_readings import predict
 from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
-from edl_filter.diagnosis.prediction.residuals import bin_readings, compute_residuals
+from edl_filter.diagnosis.prediction.residuals import bin_readings, compute_residuals, own_lever_arm
 from edl_filter.effects import Effect, EffectInstance, Parameter
 from edl_filter.effects.registry import find_effect
 from edl_filter.errors import InputError
@@ -183,7 +183,7 @@ def test_the_difference_on_a_fixed_path_is_that_of_whole_residuals(case, model, 
         sides = []
         for sign in (1.0, -1.0):
             inputs = case.denoised_inputs((EffectInstance(effect, {effect.sizes[0].name: sign * step}, imu),))
-            readings = corrected_readings(inputs.problem, reference.errors)
+            readings = corrected_readings(inputs.problem, reference.errors, own_lever_arm(inputs))
             force, rate = bin_readings(model.bins, inputs.problem.samples, readings)
             flow = replace(model.residuals.flow, rate=node_rates(model.bins, rate))
             predicted = predict(inputs.forward_model, model.bins, flow, model.residuals.tables)
@@ -199,6 +199,18 @@ def test_the_difference_on_a_fixed_path_is_that_of_whole_residuals(case, model, 
         for actual, expected in pairs:  # means over bins are differences of integrals of 1e4 m/s, rounded to 2e-12 m/s
             np.testing.assert_allclose(actual, expected, rtol=0.0, atol=4e-11)
         assert max(np.nanmax(np.abs(expected)) for _, expected in pairs) > 1e-5
+
+
+@pytest.mark.parametrize("name", ["accelerometer_bias", "accelerometer_scale", "accelerometer_misalignment"])
+def test_a_stated_error_of_a_checking_imu_has_the_column_of_its_effect(case, model, name):
+    """Both act on the reading at the place of the IMU, whose lever-arm acceleration is up to 0.7 m/s²."""
+    imu = case.reconstruction.telemetry.checking[0].name
+    rows = effect_jacobian(model, EffectInstance(find_effect(name), {}, imu)).rows
+    part = model.nuisance[f"checking0.0_{name}"]
+    used = (np.abs(rows).max(axis=1) > 0.0) & (model.index.column >= 6)  # rows of the driving IMU have its rounding
+    assert set(model.index.column[used]) == {6, 7, 8}
+    difference = model.state_space.design[used][:, part] - rows[used]
+    assert np.sqrt(np.mean(difference**2)) < 0.01 and np.abs(rows).max() >= 1.0
 
 
 def test_jacobians_of_several_processes_are_those_of_this_one(model, monkeypatch):

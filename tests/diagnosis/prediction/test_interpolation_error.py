@@ -10,13 +10,16 @@ from edl_filter import Mission
 from edl_filter.diagnosis.linear_model import linearization
 from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
+from edl_filter.diagnosis.prediction.dead_reckoning import node_times, rate_integral
 from edl_filter.diagnosis.prediction.interpolation_error import (
     PredictedRotation,
     lever_arm_error,
+    node_errors,
     rate_error,
     resampling_error,
     step_response,
 )
+from edl_filter.diagnosis.prediction.predicted_readings import FINE_NODES_PER_BIN
 from edl_filter.diagnosis.prediction.residuals import InterpolationErrors
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means_of_readings
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
@@ -101,6 +104,31 @@ def test_the_error_of_rates_that_are_shifted_in_time_is_predicted(tau):
     size = np.sqrt(np.mean((exact - corrected)[inside] ** 2))
     assert size > 1e-3  # rad/s: some tens of sigmas of a gyro
     assert np.sqrt(np.mean((exact - corrected - predicted)[inside] ** 2)) < 0.15 * size
+
+
+@pytest.mark.parametrize("per_bin", [4, 16])
+def test_the_error_of_attitudes_and_rates_inside_the_bins_is_predicted(per_bin):
+    """The angular acceleration changes its slope inside bins; the prediction has it at four nodes in each."""
+    acceleration, bins = triangle_wave(), TimeBins(np.append(0.0, TIME), np.ones(COUNT, bool))
+    time, interpolated = node_times(bins, per_bin), rate_integral(bins, delayed_means(acceleration, 0.0))
+    angle, rate = (np.column_stack([a.antiderivative(k)(time) for a in acceleration]) for k in (2, 1))
+    true = angle - angle[0] - interpolated(time), rate - interpolated.derivative()(time)
+    alpha = np.column_stack([a(NODE_TIMES) for a in acceleration])
+    predicted = node_errors(PredictedRotation(NODE_TIMES, alpha), bins, per_bin)
+    inside = slice(8 * per_bin, -8 * per_bin)
+    np.testing.assert_allclose(predicted[0][::per_bin], 0.0, atol=1e-12)
+    for error, exact in zip(predicted, true, strict=True):
+        size = np.sqrt(np.mean(exact[inside] ** 2))
+        assert np.sqrt(np.mean((exact - error)[inside] ** 2)) < 0.2 * size
+    assert np.abs(predicted[0][inside]).max() > 1e-4  # rad
+
+
+def test_attitudes_of_a_slow_motion_are_interpolated_without_error():
+    bins, acceleration = TimeBins(np.append(0.0, TIME), np.ones(COUNT, bool)), np.sin(2.0 * np.pi * 0.5 * NODE_TIMES)
+    rotation = PredictedRotation(NODE_TIMES, np.repeat(acceleration[:, None], 3, axis=1))
+    angle, rate = node_errors(rotation, bins, 16)
+    inside = slice(8 * 16, -8 * 16)
+    assert np.abs(angle[inside]).max() < 1e-7 and np.abs(rate[inside]).max() < 2e-6
 
 
 def test_rates_that_no_delay_shifts_have_no_error():
@@ -282,7 +310,8 @@ def test_it_is_linear_in_a_slow_rotation(factor):
 
 def no_errors(reference, inputs, residuals, effects):
     none = (np.zeros((len(reference.bins.interval), 3)),) * (1 + len(inputs.checking))
-    return InterpolationErrors(none, none, (0.0,) * len(none))
+    at_nodes = np.zeros((FINE_NODES_PER_BIN * len(reference.bins.interval) + 1, 3))
+    return InterpolationErrors(none, none, (0.0,) * len(none), at_nodes, at_nodes)
 
 
 def thinned(imu, per_sample, first=0, begin=0.0):

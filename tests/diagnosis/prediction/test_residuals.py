@@ -11,13 +11,21 @@ from hypothesis import strategies as st
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.dead_reckoning import path_nodes
-from edl_filter.diagnosis.prediction.predicted_readings import fine_rule_sigma, flow_at, predict
+from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, node_errors
+from edl_filter.diagnosis.prediction.predicted_readings import (
+    FINE_NODES_PER_BIN,
+    accelerations_at_nodes,
+    fine_rule_sigma,
+    flow_at,
+    predict,
+)
 from edl_filter.diagnosis.prediction.residuals import (
     InterpolationErrors,
     Residuals,
     RowIndex,
     _checking_residuals,
     bin_readings,
+    compute_residuals,
     correct_interpolation,
 )
 from edl_filter.diagnosis.prediction.time_bins import TimeBins
@@ -63,7 +71,8 @@ def test_an_error_that_both_imus_have_is_no_difference_between_them():
         }
     )  # fmt: skip
     both = (error, error, error + further)
-    corrected = correct_interpolation(residuals, InterpolationErrors(both, both, (0.0, 0.0, 0.0)))
+    at_nodes = np.zeros((4 * FINE_NODES_PER_BIN + 1, 3))  # of no reading
+    corrected = correct_interpolation(residuals, InterpolationErrors(both, both, (0.0,) * 3, at_nodes, at_nodes))
     np.testing.assert_array_equal(corrected.force, values - 0.25)
     np.testing.assert_array_equal(corrected.checking_force[0], checking)
     np.testing.assert_array_equal(corrected.checking_force[1], checking - 0.5)
@@ -72,14 +81,14 @@ def test_an_error_that_both_imus_have_is_no_difference_between_them():
     np.testing.assert_array_equal(corrected.checking_rate[1], checking + 0.5)
     growing = (values, values, values)
     np.testing.assert_array_equal(
-        correct_interpolation(residuals, InterpolationErrors(both, growing, (0.0, 0.0, 0.0))).rate_step,
+        correct_interpolation(residuals, InterpolationErrors(both, growing, (0.0,) * 3, at_nodes, at_nodes)).rate_step,
         values[1:] + np.diff(values, axis=0),
     )
     assert correct_interpolation(residuals, None) is residuals
     with pytest.raises(ValueError, match="shorter"):
-        correct_interpolation(
-            residuals, InterpolationErrors((error, error), both, (0.0, 0.0))
-        )  # an IMU without its error
+        correct_interpolation(  # an IMU without its error
+            residuals, InterpolationErrors((error, error), both, (0.0, 0.0), at_nodes, at_nodes)
+        )
 
 
 # --- quadrature of the predictions -----------------------------------------------------------------------------------
@@ -95,7 +104,10 @@ def test_the_predictions_are_those_of_a_much_finer_rule(model):
     """The angle of attack passes nodes of the tables, so that four nodes in a bin are too few for the moments."""
     residuals, bins, path = model.residuals, model.bins, model.residuals.path
     _, mean_rate = bin_readings(bins, model.inputs.problem.samples, (path.force, path.rate))
-    flow = flow_at(model.inputs.forward_model, path_nodes(path, bins, mean_rate, 128))
+    first = compute_residuals(replace(model.reference, interpolation_errors=None), model.inputs)
+    _, acceleration = accelerations_at_nodes(model.inputs.forward_model, first.flow, first.tables)
+    errors = node_errors(PredictedRotation(first.nodes.time, acceleration), bins, 128)
+    flow = flow_at(model.inputs.forward_model, path_nodes(path, bins, mean_rate, 128, errors))
     exact = predict(model.inputs.forward_model, bins, flow)
     predicted = residuals.predicted_force, residuals.predicted_rate_step
     for value, reference, correction, lateral in zip(

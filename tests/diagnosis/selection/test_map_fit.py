@@ -224,13 +224,13 @@ def test_the_evidence_of_a_linear_fit_at_a_bound_is_that_at_the_limited_size(mod
     """With the quadratic form of Laplace's approximation: the log posterior falls by half the squared distance."""
     scale = find_effect("axial_force_scale")
     (k,) = scale.sizes
-    narrow = type("NarrowScale", (type(scale),), {"parameters": (replace(k, low=-1e-6, high=1e-6),)})()
+    narrow = type("NarrowScale", (type(scale),), {"parameters": (replace(k, low=-1e-7, high=1e-7),)})()
     free, limited = (
         fit_linear(model, EffectInstance(e, {}), model.stated_noise_filter, null_evidence=0.0) for e in (scale, narrow)
     )
     estimate, sigma = free.parameters((scale.name, None))["k"]
-    assert abs(estimate) > 1e-6, "the bound must act"
-    expected = np.copysign(1e-6, estimate)
+    assert abs(estimate) > 1e-7, "the bound must act"
+    expected = np.copysign(1e-7, estimate)
     assert limited.parameters((scale.name, None))["k"] == pytest.approx((expected, sigma), rel=1e-9)
     loss = 0.5 * ((estimate - expected) / sigma) ** 2
     assert free.evidence - limited.evidence == pytest.approx(loss, rel=1e-6)

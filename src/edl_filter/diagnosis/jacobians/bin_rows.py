@@ -7,6 +7,7 @@ discontinuities of the torque, and for the regime of the flow where the density 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,7 +65,7 @@ def bin_rows(
     inputs: ModelInputs,
     bins: TimeBins,
     residuals: Residuals,
-    denoised: tuple[Array, Array],
+    denoised: tuple[Sequence[Array], Array],
     nuisance: NuisanceLayout,
     jacobian: PredictionJacobian,
     uncertainty: StatedUncertainty,
@@ -81,8 +82,8 @@ def bin_rows(
         Time bins of the comparison.
     residuals : Residuals
         Residuals about the linearisation point.
-    denoised : (force, rate)
-        Means over the bins ``(B, 3)`` of denoised readings.
+    denoised : (forces, rate)
+        Means over the bins ``(B, 3)`` of the denoised force at each IMU, the driving one first, and of the rate.
     nuisance : NuisanceLayout
         Positions of the nuisance parameters.
     jacobian : PredictionJacobian
@@ -138,10 +139,10 @@ def bin_rows(
     design[:-1, 3:6, before] += within
     design[:-1, 3:6, after] -= within
 
-    force, rate = denoised
+    forces, rate = denoised
     rate_step = np.concatenate((np.diff(rate, axis=0), np.zeros((1, 3))))
-    sensor_blocks = reading_jacobian(force, rate)
-    for name, block in sensor_blocks.items():
+    driving_blocks = reading_jacobian(forces[0], rate)
+    for name, block in driving_blocks.items():
         if name in layout:
             part = layout[name]
             if name.startswith("accelerometer"):
@@ -175,10 +176,10 @@ def bin_rows(
         at_bin = record.index_at(middle)
         checking_unit = record.unit[at_bin]
         values[:, f0 : f0 + 3], values[:, w0 : w0 + 3] = residuals.checking_force[i], residuals.checking_rate[i]
-        for name, block in sensor_blocks.items():
+        for name, block in reading_jacobian(forces[1 + i], rate).items():
             row = slice(f0, f0 + 3) if name.startswith("accelerometer") else slice(w0, w0 + 3)
             if name in layout:  # the driving IMU's error enters the prediction
-                design[:, row, layout[name]] = -block
+                design[:, row, layout[name]] = -driving_blocks[name]
             for unit in np.unique(checking_unit):
                 state = checking_state(i, unit, name)
                 if state in nuisance:

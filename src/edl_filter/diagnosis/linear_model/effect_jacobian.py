@@ -23,7 +23,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
 )
 from edl_filter.diagnosis.prediction.predicted_readings import predict_increment
 from edl_filter.diagnosis.prediction.reading_difference import difference_on_fixed_path
-from edl_filter.diagnosis.prediction.residuals import constraint_residuals
+from edl_filter.diagnosis.prediction.residuals import constraint_residuals, own_lever_arm
 from edl_filter.effects.base import Effect, EffectInstance, EffectKey
 from edl_filter.effects.parameters import Parameter
 from edl_filter.effects.sensor_chain import acts_on_driving
@@ -334,7 +334,8 @@ def _difference_on_fixed_path(
     `sides` are the model's effects with `effect` displaced to plus and to minus.
     """
     inputs = [model.denoised_inputs(effects) for effects in sides]
-    plus, minus = ((i, *corrected_readings(i.problem, model.reference.errors)) for i in inputs)
+    errors = model.reference.errors
+    plus, minus = ((i, *corrected_readings(i.problem, errors, own_lever_arm(i))) for i in inputs)
     same_loads = not effect.is_model_effect
     change = difference_on_fixed_path(model.bins, plus, minus, model.residuals, same_loads)
     return model.index.stack_predictions(change.force, change.rate_step, change.checking_force, change.checking_rate)

@@ -38,12 +38,15 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     path_deviation,
 )
 from edl_filter.diagnosis.prediction.residuals import (
+    ModelInputs,
     PathReference,
     bin_readings,
     compute_residuals,
-    correct_interpolation,
     interpolation_errors,
+    lever_arm_readings,
+    own_lever_arm,
 )
+from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
 from edl_filter.estimation.kalman import WhiteningFilter
@@ -79,7 +82,8 @@ def linearize_at(
     reference = PathReference(bins, point.start.nav[:10], point.errors, transitions.onboard, deviation=point.deviation)
     residuals = compute_residuals(reference, inputs)
     errors = interpolation_errors(reference, inputs, residuals, effects)
-    reference, residuals = replace(reference, interpolation_errors=errors), correct_interpolation(residuals, errors)
+    reference = replace(reference, interpolation_errors=errors)
+    residuals = compute_residuals(reference, inputs)
     perturbation, field = point.perturbation, None
     if perturbation is not None:
         units, field = perturbation.units, perturbation.field
@@ -94,13 +98,12 @@ def linearize_at(
     jacobian = prediction_jacobian(inputs, bins, residuals, uncertainty, units, field)
     modes = {} if field is None else field.modes
     nuisance = nuisance_layout(inputs.problem.layout, inputs.checking, bins, uncertainty, modes)
-    denoised = case.denoised_inputs(effects).problem
-    denoised_means = bin_readings(bins, denoised.samples, corrected_readings(denoised, point.errors))
+    denoised = denoised_readings_by_imu(bins, case.denoised_inputs(effects), point.errors)
     tables, flow = inputs.forward_model.database, residuals.flow
     distance = uncertainty.discrepancy.flow_distance(
         flow.mach, flow.knudsen, tables.continuum_limit, tables.join == "switch"
     )
-    rows = bin_rows(inputs, bins, residuals, denoised_means, nuisance, jacobian, uncertainty, distance, errors)
+    rows = bin_rows(inputs, bins, residuals, denoised, nuisance, jacobian, uncertainty, distance, errors)
     state_space, index = assemble_state_space(
         inputs, bins, transitions, rows, nuisance, uncertainty, residuals, distance
     )
@@ -126,6 +129,32 @@ def linearize_at(
     columns, _ = stacked(effect_jacobians(model, [(c.instance, tuple(c.sigma)) for c in case.constants]))
     sigma = np.array([s for c in case.constants for s in c.sigma.values()])
     return replace(model, state_space=append_constant_states(state_space, columns, sigma), constant_columns=columns)
+
+
+def denoised_readings_by_imu(bins: TimeBins, inputs: ModelInputs, errors: Array) -> tuple[list[Array], Array]:
+    """Means over the bins of the denoised specific force at each IMU, the driving one first, and of the rate.
+
+    Parameters
+    ----------
+    bins : TimeBins
+        Time bins of the comparison.
+    inputs : ModelInputs
+        With denoised readings.
+    errors : (U, n) array
+        Sensor errors by instrument, each in the filter's vector.
+
+    Returns
+    -------
+    forces, rate : list of (B, 3) arrays and (B, 3) array
+        m/s² and rad/s.
+    """
+    samples = inputs.problem.samples
+    force, rate = corrected_readings(inputs.problem, errors, own_lever_arm(inputs))
+    forces = []
+    for record in (inputs.driving, *inputs.checking):
+        at_imu, means = bin_readings(bins, samples, (force + lever_arm_readings(record, samples, rate), rate))
+        forces.append(at_imu)
+    return forces, means
 
 
 def map_point(

@@ -53,7 +53,7 @@ class DeadReckonedPath:
         return np.searchsorted(self.time, times - SAME_TIME)
 
 
-def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPath:
+def dead_reckon(problem: Problem, start: Array, errors: Array, lever_arm: Array | None = None) -> DeadReckonedPath:
     """Path of a problem from one initial state.
 
     Parameters
@@ -64,6 +64,8 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPa
         Navigation state at the initial state's time.
     errors : (U, n) array
         Sensor errors by instrument, each in the filter's vector.
+    lever_arm : (N, 3) array, optional
+        As of `corrected_readings`.
     """
     samples, planet = problem.samples, problem.planet
     force, rate = _corrected(problem, errors, samples.force, samples.rate)
@@ -71,11 +73,11 @@ def dead_reckon(problem: Problem, start: Array, errors: Array) -> DeadReckonedPa
     return DeadReckonedPath(
         samples.edges,
         np.concatenate((start[None], nav)),
-        *corrected_readings(problem, errors),
+        *corrected_readings(problem, errors, lever_arm),
     )
 
 
-def corrected_readings(problem: Problem, errors: Array) -> tuple[Array, Array]:
+def corrected_readings(problem: Problem, errors: Array, lever_arm: Array | None = None) -> tuple[Array, Array]:
     """Mean specific force and rate of the samples, corrected for sensor errors.
 
     Parameters
@@ -84,13 +86,19 @@ def corrected_readings(problem: Problem, errors: Array) -> tuple[Array, Array]:
         The filter's problem: samples, planet, constraints.
     errors : (U, n) array
         By instrument, each in the filter's vector.
+    lever_arm : (N, 3) array, optional
+        Mean lever-arm acceleration of the IMU, m/s²: its errors are those of the reading at its place. None: of the
+        force at the centre of mass, as in the filter.
 
     Returns
     -------
     force, rate : (N, 3) arrays
         At the centre of mass, m/s² and rad/s, body axes.
     """
-    return _corrected(problem, errors, problem.samples.mean_force, problem.samples.mean_rate)
+    if lever_arm is None:
+        return _corrected(problem, errors, problem.samples.mean_force, problem.samples.mean_rate)
+    force, rate = _corrected(problem, errors, problem.samples.mean_force + lever_arm, problem.samples.mean_rate)
+    return force - lever_arm, rate
 
 
 def _corrected(problem: Problem, errors: Array, force: Array, rate: Array) -> tuple[Array, Array]:
@@ -124,7 +132,13 @@ class PathNodes:
     rate: Array
 
 
-def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array, per_bin: int = NODES_PER_BIN) -> PathNodes:
+def path_nodes(
+    path: DeadReckonedPath,
+    bins: TimeBins,
+    mean_rate: Array,
+    per_bin: int = NODES_PER_BIN,
+    errors: tuple[Array, Array] | None = None,
+) -> PathNodes:
     """States at the nodes.
 
     The integral of the rates is known at the bins' edges. A quintic spline through it gives the rotation since the last
@@ -141,15 +155,20 @@ def path_nodes(path: DeadReckonedPath, bins: TimeBins, mean_rate: Array, per_bin
         Means over the bins, rad/s.
     per_bin : int
         Number of nodes in a bin.
+    errors : ((M, 3), (M, 3)) arrays, optional
+        By which the integral of the rate since the last edge, rad, and the rate, rad/s, exceed the interpolated ones
+        (`interpolation_error.node_errors`).
     """
     edges, count = bins.edges, len(bins.interval)
-    time, angle = node_times(bins, per_bin), _angle(bins, mean_rate)
+    time, interpolated = node_times(bins, per_bin), rate_integral(bins, mean_rate)
     bin_index = np.append(np.repeat(np.arange(count), per_bin), count)
     edge_nav = path.nav[path.indices(edges)]
     nav = np.empty((len(time), 10))
     nav[:, :6] = CubicSpline(edges, edge_nav[:, :6], axis=0)(time)
-    rate = angle.derivative()(time)
-    rotation = _rotation_since_edge(bins, angle(time), rate)
+    angle, rate = interpolated(time), interpolated.derivative()(time)
+    if errors is not None:
+        angle, rate = angle + errors[0], rate + errors[1]
+    rotation = _rotation_since_edge(bins, angle, rate)
     nav[:, 6:] = rotations.multiply(edge_nav[bin_index, 6:], rotations.from_rotation_vector(rotation))
     return PathNodes(time, nav, rate)
 
@@ -219,7 +238,7 @@ def _rotation_since_edge(bins: TimeBins, angle: Array, rate: Array) -> Array:
 
 def node_rates(bins: TimeBins, mean_rate: Array) -> Array:
     """Rates at the nodes ``(M, 3)``, rad/s, from means over the bins ``(B, 3)``, as in `path_nodes`."""
-    return _angle(bins, mean_rate).derivative()(node_times(bins))
+    return rate_integral(bins, mean_rate).derivative()(node_times(bins))
 
 
 def node_times(bins: TimeBins, per_bin: int = NODES_PER_BIN) -> Array:
@@ -228,6 +247,6 @@ def node_times(bins: TimeBins, per_bin: int = NODES_PER_BIN) -> Array:
     return np.append((bins.edges[:-1, None] + bins.interval[:, None] * fraction).ravel(), bins.edges[-1])
 
 
-def _angle(bins: TimeBins, mean_rate: Array) -> InterpolatingSpline:
-    """Integral of the rates as a function of time; where there are none they count as zero."""
+def rate_integral(bins: TimeBins, mean_rate: Array) -> InterpolatingSpline:
+    """Integral of the rates ``(B, 3)``, rad/s, as a function of time; where there are none they count as zero."""
     return integral_spline(bins.edges, bins.interval, np.nan_to_num(mean_rate))

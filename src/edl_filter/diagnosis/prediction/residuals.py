@@ -25,6 +25,7 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
 from edl_filter.diagnosis.prediction.interpolation_error import (
     PredictedRotation,
     lever_arm_error,
+    node_errors,
     rate_error,
     resampling_error,
     step_response,
@@ -81,11 +82,20 @@ class InterpolationErrors:
         Of the rates of the driving IMU and each checking one, rad/s; zero in bins that the IMU does not cover.
     step_response : tuple of float
         Largest error of the same by a step of the angular acceleration of 1 rad/s², rad/s.
+    node_angle, node_rate : (B FINE_NODES_PER_BIN + 1, 3) arrays
+        Of the integral of the rate and of the rate at the nodes of the fine rule, rad and rad/s.
     """
 
     lever_arm: tuple[Array, ...]
     rate: tuple[Array, ...]
     step_response: tuple[float, ...]
+    node_angle: Array
+    node_rate: Array
+
+    def at_nodes(self, per_bin: int) -> tuple[Array, Array]:
+        """Errors of the integral of the rate and of the rate at nodes of which each bin has `per_bin`."""
+        every = FINE_NODES_PER_BIN // per_bin
+        return self.node_angle[::every], self.node_rate[::every]
 
 
 @dataclass(frozen=True)
@@ -230,10 +240,14 @@ class RowIndex:
 def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residuals:
     """Residuals of a model along the path that its readings imply."""
     bins, problem, model = reference.bins, inputs.problem, inputs.forward_model
-    path = dead_reckon(problem, reference.start, reference.errors)
     samples = problem.samples
+    path = dead_reckon(problem, reference.start, reference.errors, own_lever_arm(inputs))
     force, rate = bin_readings(bins, samples, (path.force, path.rate))
-    nodes, fine_nodes = (path_nodes(path, bins, rate, count) for count in (NODES_PER_BIN, FINE_NODES_PER_BIN))
+    errors = reference.interpolation_errors
+    nodes, fine_nodes = (
+        path_nodes(path, bins, rate, count, None if errors is None else errors.at_nodes(count))
+        for count in (NODES_PER_BIN, FINE_NODES_PER_BIN)
+    )
     if reference.deviation is not None:
         nodes, fine_nodes = (displace_nodes(n, bins.edges, reference.deviation) for n in (nodes, fine_nodes))
     flow = flow_at(model, nodes)
@@ -255,7 +269,7 @@ def compute_residuals(reference: PathReference, inputs: ModelInputs) -> Residual
         predicted_rate_step=predicted_rate_step,
         quadrature_correction=(predicted_force - by_nodes[0], predicted_rate_step - by_nodes[1]),
     )
-    return correct_interpolation(residuals, reference.interpolation_errors)
+    return correct_interpolation(residuals, errors)
 
 
 def correct_interpolation(residuals: Residuals, errors: InterpolationErrors | None) -> Residuals:
@@ -319,10 +333,13 @@ def interpolation_errors(
     of_samples = rates[0][inputs.driving.index_at(samples.middle)]
     positions = [positions_at(record, samples) for record, _ in records]
     lever_arm = lever_arm_error(rotation, samples, of_samples, positions)
+    node_angle, node_rate = node_errors(rotation, bins, FINE_NODES_PER_BIN)
     return InterpolationErrors(
         lever_arm=tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in lever_arm),
         rate=tuple(of_bins(*record, error) for record, error in zip(records, rates, strict=True)),
         step_response=tuple(step_response(record, effects, driving) for record, driving in records),
+        node_angle=node_angle,
+        node_rate=node_rate,
     )
 
 
@@ -442,6 +459,12 @@ def lever_arm_readings(record: ImuRecord, samples: Samples, sample_rate: Array) 
     """Lever-arm acceleration of an IMU at the samples of the driving one ``(N, 3)``, m/s², from its rates (rad/s)."""
     # the rates are the driving IMU's, so that their instrument is that of the samples
     return lever_arm_acceleration(samples.interval, sample_rate, positions_at(record, samples), samples.unit)
+
+
+def own_lever_arm(inputs: ModelInputs) -> Array:
+    """Lever-arm acceleration of the driving IMU that its readings contain ``(N, 3)``, m/s²."""
+    samples = inputs.problem.samples
+    return lever_arm_readings(inputs.driving, samples, samples.mean_rate)
 
 
 def positions_at(record: ImuRecord, samples: Samples) -> Array:
