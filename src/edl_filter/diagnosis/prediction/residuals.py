@@ -93,7 +93,7 @@ class InterpolationErrors:
     node_rate: Array
 
     def at_nodes(self, per_bin: int) -> tuple[Array, Array]:
-        """Errors of the integral of the rate and of the rate at nodes of which each bin has `per_bin`."""
+        """Errors ``(M, 3)`` of the integral of the rate, rad, and of the rate, rad/s, with `per_bin` nodes in a bin."""
         every = FINE_NODES_PER_BIN // per_bin
         return self.node_angle[::every], self.node_rate[::every]
 
