@@ -9,7 +9,7 @@ its stencil where the motion is smooth. It has not where the moment changes its 
 an aerodynamic table that is linear between them. Motion near half of the sampling frequency cannot be interpolated at
 all. On a vehicle that swings through 33° at 8 Hz the lever-arm acceleration is wrong by up to 60 sigmas of an
 accelerometer; a step of rates that are shifted by half a sample is wrong by five sigmas at angles of 8°; attitudes
-inside a bin of 0.125 s are wrong by up to 0.2 mrad at 1.2 Hz and 15°, and predicted moments by three sigmas of a gyro.
+inside a bin of 0.125 s are wrong by up to 0.2 mrad at 1.2 Hz and 15°, and predicted moments by 0.8 sigmas RMS.
 
 The forward model predicts the angular acceleration at several nodes in each bin. The same interpolation of the means
 of the predicted rates, compared with the predicted rates themselves, shows its error. Only differences of rates over a
