@@ -12,6 +12,7 @@ from edl_filter.diagnosis.linear_model.flight_case import load_case
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.diagnosis.prediction.dead_reckoning import node_times, rate_integral
 from edl_filter.diagnosis.prediction.interpolation_error import (
+    InterpolationErrors,
     PredictedRotation,
     lever_arm_error,
     node_errors,
@@ -20,7 +21,6 @@ from edl_filter.diagnosis.prediction.interpolation_error import (
     step_response,
 )
 from edl_filter.diagnosis.prediction.predicted_readings import FINE_NODES_PER_BIN
-from edl_filter.diagnosis.prediction.residuals import InterpolationErrors
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means_of_readings
 from edl_filter.diagnosis.residual_analysis.residual_map import model_rms
 from edl_filter.effects.base import EffectInstance
@@ -308,9 +308,9 @@ def test_it_is_linear_in_a_slow_rotation(factor):
     np.testing.assert_allclose(scaled, factor * single, atol=1e-3 * np.abs(single).max())
 
 
-def no_errors(reference, inputs, residuals, effects):
-    none = (np.zeros((len(reference.bins.interval), 3)),) * (1 + len(inputs.checking))
-    at_nodes = np.zeros((FINE_NODES_PER_BIN * len(reference.bins.interval) + 1, 3))
+def no_errors(rotation, bins, samples, records, effects):
+    none = (np.zeros((len(bins.interval), 3)),) * len(records)
+    at_nodes = np.zeros((FINE_NODES_PER_BIN * len(bins.interval) + 1, 3))
     return InterpolationErrors(none, none, (0.0,) * len(none), at_nodes, at_nodes)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization import linearize
 from edl_filter.diagnosis.prediction.dead_reckoning import path_nodes
-from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, node_errors
+from edl_filter.diagnosis.prediction.interpolation_error import InterpolationErrors, PredictedRotation, node_errors
 from edl_filter.diagnosis.prediction.predicted_readings import (
     FINE_NODES_PER_BIN,
     accelerations_at_nodes,
@@ -20,7 +20,6 @@ from edl_filter.diagnosis.prediction.predicted_readings import (
     predict,
 )
 from edl_filter.diagnosis.prediction.residuals import (
-    InterpolationErrors,
     Residuals,
     RowIndex,
     _checking_residuals,

@@ -16,7 +16,8 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from edl_filter.diagnosis.jacobians.nuisance import NuisanceLayout, StatedUncertainty, checking_state
 from edl_filter.diagnosis.jacobians.prediction_jacobian import PredictionJacobian
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
-from edl_filter.diagnosis.prediction.residuals import InterpolationErrors, ModelInputs, Residuals
+from edl_filter.diagnosis.prediction.interpolation_error import InterpolationErrors
+from edl_filter.diagnosis.prediction.residuals import ModelInputs, Residuals
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means, bin_sigma
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.imu_model.lever_arm import edge_weights

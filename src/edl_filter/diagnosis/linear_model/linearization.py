@@ -37,16 +37,16 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     dead_reckon,
     path_deviation,
 )
+from edl_filter.diagnosis.prediction.interpolation_error import PredictedRotation, interpolation_errors
+from edl_filter.diagnosis.prediction.predicted_readings import accelerations_at_nodes
 from edl_filter.diagnosis.prediction.residuals import (
     ModelInputs,
     PathReference,
-    bin_readings,
     compute_residuals,
-    interpolation_errors,
     lever_arm_readings,
     own_lever_arm,
 )
-from edl_filter.diagnosis.prediction.time_bins import TimeBins
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.perturbation import FieldPerturbation
 from edl_filter.estimation.kalman import WhiteningFilter
@@ -81,7 +81,9 @@ def linearize_at(
     transitions = propagate_path(inputs.problem, bins, point.start, point.errors)
     reference = PathReference(bins, point.start.nav[:10], point.errors, transitions.onboard, deviation=point.deviation)
     residuals = compute_residuals(reference, inputs)
-    errors = interpolation_errors(reference, inputs, residuals, effects)
+    _, acceleration = accelerations_at_nodes(inputs.forward_model, residuals.flow, residuals.tables)
+    rotation, records = PredictedRotation(residuals.nodes.time, acceleration), (inputs.driving, *inputs.checking)
+    errors = interpolation_errors(rotation, bins, inputs.problem.samples, records, effects)
     reference = replace(reference, interpolation_errors=errors)
     residuals = compute_residuals(reference, inputs)
     perturbation, field = point.perturbation, None
@@ -150,11 +152,12 @@ def denoised_readings_by_imu(bins: TimeBins, inputs: ModelInputs, errors: Array)
     """
     samples = inputs.problem.samples
     force, rate = corrected_readings(inputs.problem, errors, own_lever_arm(inputs))
-    forces = []
-    for record in (inputs.driving, *inputs.checking):
-        at_imu, means = bin_readings(bins, samples, (force + lever_arm_readings(record, samples, rate), rate))
-        forces.append(at_imu)
-    return forces, means
+    records = (inputs.driving, *inputs.checking)
+    forces = [
+        bin_means(bins.edges, samples.time, samples.interval, force + lever_arm_readings(record, samples, rate))
+        for record in records
+    ]
+    return forces, bin_means(bins.edges, samples.time, samples.interval, rate)
 
 
 def map_point(

@@ -19,12 +19,14 @@ few samples enter, so that the error of the prediction does not accumulate.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from edl_filter.diagnosis.prediction.dead_reckoning import node_times, rate_integral
-from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means_of_readings
+from edl_filter.diagnosis.prediction.predicted_readings import FINE_NODES_PER_BIN
+from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means, bin_means_of_readings
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.sensor_chain import samples_of, sensor_effects
 from edl_filter.imu_model.lever_arm import (
@@ -46,6 +48,34 @@ PARTS = 8
 STEP_PLACES, STEP_SAMPLES = (0.0, 0.25, 0.5, 0.75), 16
 #: Time before and after the prediction over which its acceleration is continued, s: more than a time offset reaches.
 MARGIN_S = 4.0
+
+
+@dataclass(frozen=True)
+class InterpolationErrors:
+    """What interpolated readings lack of the true ones, means over the bins.
+
+    Attributes
+    ----------
+    lever_arm : tuple of (B, 3) arrays
+        Of the lever-arm acceleration of the driving IMU and each checking one, m/s².
+    rate : tuple of (B, 3) arrays
+        Of the rates of the driving IMU and each checking one, rad/s; zero in bins that the IMU does not cover.
+    step_response : tuple of float
+        Largest error of the same by a step of the angular acceleration of 1 rad/s², rad/s.
+    node_angle, node_rate : (B FINE_NODES_PER_BIN + 1, 3) arrays
+        Of the integral of the rate and of the rate at the nodes of the fine rule, rad and rad/s.
+    """
+
+    lever_arm: tuple[Array, ...]
+    rate: tuple[Array, ...]
+    step_response: tuple[float, ...]
+    node_angle: Array
+    node_rate: Array
+
+    def at_nodes(self, per_bin: int) -> tuple[Array, Array]:
+        """Errors ``(M, 3)`` of the integral of the rate, rad, and of the rate, rad/s, with `per_bin` nodes in a bin."""
+        every = FINE_NODES_PER_BIN // per_bin
+        return self.node_angle[::every], self.node_rate[::every]
 
 
 class PredictedRotation:
@@ -238,3 +268,51 @@ def lever_arm_error(
         error[complete] = (exact - interpolated)[complete]
         errors.append(error)
     return errors
+
+
+def interpolation_errors(
+    rotation: PredictedRotation,
+    bins: TimeBins,
+    samples: Samples,
+    records: Sequence[ImuRecord],
+    effects: Sequence[EffectInstance],
+) -> InterpolationErrors:
+    """Errors of all readings' interpolation.
+
+    Parameters
+    ----------
+    rotation : PredictedRotation
+        Predicted from the first to the last edge of the bins.
+    bins : TimeBins
+        Time bins of the comparison.
+    samples : Samples
+        The driving IMU's.
+    records : sequence of ImuRecord
+        The driving IMU, then the checking ones.
+    effects : sequence of EffectInstance
+        For whose sensor errors the records are corrected.
+    """
+    driving, *_ = records
+    of_records = [(record, record is driving) for record in records]
+
+    def of_bins(record: ImuRecord, is_driving: bool, error: Array) -> Array:
+        if is_driving:  # its samples end where bins end
+            return bin_means(bins.edges, record.time, record.interval, error)
+        return resampling_error(rotation, bins, record, error)
+
+    rates = [rate_error(rotation, record, effects, is_driving) for record, is_driving in of_records]
+    of_samples = rates[0][driving.index_at(samples.middle)]
+    lever_arm = lever_arm_error(rotation, samples, of_samples, [positions_at(record, samples) for record in records])
+    node_angle, node_rate = node_errors(rotation, bins, FINE_NODES_PER_BIN)
+    return InterpolationErrors(
+        lever_arm=tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in lever_arm),
+        rate=tuple(of_bins(*record, error) for record, error in zip(of_records, rates, strict=True)),
+        step_response=tuple(step_response(record, effects, is_driving) for record, is_driving in of_records),
+        node_angle=node_angle,
+        node_rate=node_rate,
+    )
+
+
+def positions_at(record: ImuRecord, samples: Samples) -> Array:
+    """Place of an IMU from the centre of mass at the samples of the driving one ``(N, 3)``, m, body axes."""
+    return record.position[record.index_at(samples.middle)]

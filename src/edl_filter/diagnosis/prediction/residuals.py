@@ -8,7 +8,6 @@ the linearisation point (`interpolation_error`), and predictions for that of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,22 +21,9 @@ from edl_filter.diagnosis.prediction.dead_reckoning import (
     displace_nodes,
     path_nodes,
 )
-from edl_filter.diagnosis.prediction.interpolation_error import (
-    PredictedRotation,
-    lever_arm_error,
-    node_errors,
-    rate_error,
-    resampling_error,
-    step_response,
-)
-from edl_filter.diagnosis.prediction.predicted_readings import (
-    FINE_NODES_PER_BIN,
-    accelerations_at_nodes,
-    flow_at,
-    predict,
-)
+from edl_filter.diagnosis.prediction.interpolation_error import InterpolationErrors, positions_at
+from edl_filter.diagnosis.prediction.predicted_readings import FINE_NODES_PER_BIN, flow_at, predict
 from edl_filter.diagnosis.prediction.time_bins import TimeBins, bin_means, bin_means_of_readings
-from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.types import AeroCoefficients, FlightCondition
 from edl_filter.imu_model.lever_arm import lever_arm_acceleration
@@ -68,34 +54,6 @@ class ModelInputs:
     forward_model: ForwardModel
     driving: ImuRecord
     checking: tuple[ImuRecord, ...]
-
-
-@dataclass(frozen=True)
-class InterpolationErrors:
-    """What interpolated readings lack of the true ones, means over the bins.
-
-    Attributes
-    ----------
-    lever_arm : tuple of (B, 3) arrays
-        Of the lever-arm acceleration of the driving IMU and each checking one, m/s².
-    rate : tuple of (B, 3) arrays
-        Of the rates of the driving IMU and each checking one, rad/s; zero in bins that the IMU does not cover.
-    step_response : tuple of float
-        Largest error of the same by a step of the angular acceleration of 1 rad/s², rad/s.
-    node_angle, node_rate : (B FINE_NODES_PER_BIN + 1, 3) arrays
-        Of the integral of the rate and of the rate at the nodes of the fine rule, rad and rad/s.
-    """
-
-    lever_arm: tuple[Array, ...]
-    rate: tuple[Array, ...]
-    step_response: tuple[float, ...]
-    node_angle: Array
-    node_rate: Array
-
-    def at_nodes(self, per_bin: int) -> tuple[Array, Array]:
-        """Errors ``(M, 3)`` of the integral of the rate, rad, and of the rate, rad/s, with `per_bin` nodes in a bin."""
-        every = FINE_NODES_PER_BIN // per_bin
-        return self.node_angle[::every], self.node_rate[::every]
 
 
 @dataclass(frozen=True)
@@ -282,7 +240,7 @@ def correct_interpolation(residuals: Residuals, errors: InterpolationErrors | No
     residuals : Residuals
         Not corrected.
     errors : InterpolationErrors or None
-        Of `interpolation_errors`; None: no correction.
+        None: no correction.
 
     Returns
     -------
@@ -300,46 +258,6 @@ def correct_interpolation(residuals: Residuals, errors: InterpolationErrors | No
         rate_step=residuals.rate_step + np.diff(driving_rate, axis=0),
         checking_force=tuple(force + driving_force - error for force, error in forces),
         checking_rate=tuple(value + error - driving_rate for value, error in rates),
-    )
-
-
-def interpolation_errors(
-    reference: PathReference, inputs: ModelInputs, residuals: Residuals, effects: Sequence[EffectInstance]
-) -> InterpolationErrors:
-    """Errors of the readings' interpolation, predicted by a model.
-
-    Parameters
-    ----------
-    reference : PathReference
-        What the path depends on, in addition to the model.
-    inputs : ModelInputs
-        The model.
-    residuals : Residuals
-        Of the model, for its path.
-    effects : sequence of EffectInstance
-        For whose sensor errors the inputs are corrected.
-    """
-    bins, samples = reference.bins, inputs.problem.samples
-    _, acceleration = accelerations_at_nodes(inputs.forward_model, residuals.flow, residuals.tables)
-    rotation = PredictedRotation(residuals.nodes.time, acceleration)
-    records = [(record, record is inputs.driving) for record in (inputs.driving, *inputs.checking)]
-
-    def of_bins(record: ImuRecord, driving: bool, error: Array) -> Array:
-        if driving:  # its samples end where bins end
-            return bin_means(bins.edges, record.time, record.interval, error)
-        return resampling_error(rotation, bins, record, error)
-
-    rates = [rate_error(rotation, record, effects, driving) for record, driving in records]
-    of_samples = rates[0][inputs.driving.index_at(samples.middle)]
-    positions = [positions_at(record, samples) for record, _ in records]
-    lever_arm = lever_arm_error(rotation, samples, of_samples, positions)
-    node_angle, node_rate = node_errors(rotation, bins, FINE_NODES_PER_BIN)
-    return InterpolationErrors(
-        lever_arm=tuple(bin_means(bins.edges, samples.time, samples.interval, error) for error in lever_arm),
-        rate=tuple(of_bins(*record, error) for record, error in zip(records, rates, strict=True)),
-        step_response=tuple(step_response(record, effects, driving) for record, driving in records),
-        node_angle=node_angle,
-        node_rate=node_rate,
     )
 
 
@@ -465,8 +383,3 @@ def own_lever_arm(inputs: ModelInputs) -> Array:
     """Lever-arm acceleration of the driving IMU that its readings contain ``(N, 3)``, m/s²."""
     samples = inputs.problem.samples
     return lever_arm_readings(inputs.driving, samples, samples.mean_rate)
-
-
-def positions_at(record: ImuRecord, samples: Samples) -> Array:
-    """Place of an IMU from the centre of mass at the samples of the driving one ``(N, 3)``, m, body axes."""
-    return record.position[record.index_at(samples.middle)]
