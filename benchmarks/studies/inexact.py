@@ -2,7 +2,7 @@
 
 Each flight has a world of its own (`inexact_world`): tables, air, mass and inertia differ from the nominal model of its
 mission, which states their sigmas. At least 60 flights are clean; every effect of the catalogue is hidden at its
-plausible size and at half of it, once on each vehicle; ten flights hide pairs, twelve something outside the catalogue.
+plausible size and at half of it, once on each vehicle; ten flights hide pairs, 18 something outside the catalogue.
 All are diagnosed with the whole catalogue. The expected gain is computed with the truth and with the same nuisance
 parameters, before the diagnosis. The flights are in random order, so that a part of the study is a fair sample. Results
 go to ``inexact.jsonl``, one line a flight; ``inexact_report.py`` makes of them ``docs/identification-inexact.md``.

@@ -18,7 +18,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from identification_report import DETECTABLE, standardised_errors
-from inexact import cases
 from outside_effects import OUTSIDE_EFFECTS
 from scipy.stats import beta
 from study_lines import read_lines
@@ -344,7 +343,7 @@ def report(lines, figure):
         "for correlated cells bootstrap over the flights.",
         "",
         f"{len(answered)} flights were diagnosed, in {hours:.1f} hours of one core; {len(refused)} were not.",
-        f"A seed has {len(cases())} flights in random order, so that a part of them is a fair sample.",
+        "The flights of a seed are in random order, so that a part of them is a fair sample.",
         "",
         *markdown_table(("what", "outcome", "goal"), rate_rows(answered)),
         "",

@@ -72,6 +72,41 @@ class ThermalDrift(Effect):
         return force - self._offset(p, time), rate
 
 
+class JetDamping(Effect):
+    """Torque proportional to the lateral rate, whatever the air."""
+
+    name = "jet_damping"
+    parameters = (Parameter("k", "N m s", "size", 0.2),)
+
+    def force_moment(self, p, flow):
+        return np.zeros_like(flow.rate), p["k"] * flow.rate * np.array([0.0, 1.0, 1.0])
+
+
+class SpinningWheel(Effect):
+    """A wheel that spins about x: torque across the lateral rate."""
+
+    name = "spinning_wheel"
+    parameters = (Parameter("h", "N m s", "angular momentum", 0.2),)
+
+    def force_moment(self, p, flow):
+        zero = np.zeros_like(flow.time)
+        return np.zeros_like(flow.rate), p["h"] * np.column_stack((zero, -flow.rate[:, 2], flow.rate[:, 1]))
+
+
+class MagnusMoment(Effect):
+    """Torque in the plane of the angle of attack, proportional to it, to the spin and to the dynamic pressure."""
+
+    name = "magnus_moment"
+    parameters = (Parameter("M", "m3", "size: coefficient times area times diameter", 1.5),)
+
+    def force_moment(self, p, flow):
+        size = p["M"] * flow.dynamic_pressure * flow.rate[:, 0] * _DIAMETER / (2.0 * flow.speed)
+        lateral = np.array([0.0, 1.0, 1.0]) * flow.velocity_body / flow.speed[:, None]
+        return np.zeros_like(flow.rate), size[:, None] * lateral
+
+
+#: m, about that of both vehicles.
+_DIAMETER = 2.65
 #: Effects by name, with typical values.
 OUTSIDE_EFFECTS = {
     "oscillating_jet": (Jet(), {"A": 5.0, "f": 0.7}),
@@ -79,6 +114,9 @@ OUTSIDE_EFFECTS = {
     "slosh": (Slosh(), {"k": 3e2}),
     "thruster_pulses": (ThrusterPulses(), {"T": 10.0}),
     "thermal_drift": (ThermalDrift(), {"a": 0.008}),
+    "jet_damping": (JetDamping(), {"k": 0.2}),
+    "spinning_wheel": (SpinningWheel(), {"h": 0.2}),
+    "magnus_moment": (MagnusMoment(), {"M": 1.5}),
 }
 
 

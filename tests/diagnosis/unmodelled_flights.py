@@ -16,7 +16,10 @@ FORCE_SIGMA, STEP_SIGMA = 5e-3, 2e-4
 
 
 def flight(count):
-    """State-space model without states, row index, bins, and a flow with a pulse of dynamic pressure."""
+    """State-space model without states, row index, bins, and a flow: a pulse of dynamic pressure, a rolling vehicle.
+
+    Its angle of attack oscillates, with 0.7 Hz in pitch and 0.9 Hz in yaw, and so do its rates.
+    """
     edges = 20.0 + DT * np.arange(count + 1)
     bins = TimeBins(edges, np.ones(count, bool))
     rows = np.full((count, 6), -1)
@@ -35,7 +38,17 @@ def flight(count):
     )
     index = RowIndex(rows, (), total, np.full(count, DT), np.repeat(edges[1:], 6)[:total], np.arange(total) % 6)
     fraction = np.linspace(0.0, 1.0, NODES_PER_BIN * count + 1)
-    return model, index, bins, SimpleNamespace(dynamic_pressure=8e3 * np.exp(-0.5 * ((fraction - 0.6) / 0.2) ** 2))
+    phase = 2.0 * np.pi * np.outer(DT * count * fraction, [0.7, 0.9])
+    speed = 4e3 - 3e3 * fraction
+    angle = [0.05, 0.04] * np.cos(phase)  # w/V and v/V
+    lateral_rate = [-0.22, 0.23] * np.sin(phase)  # q and r
+    flow = SimpleNamespace(
+        dynamic_pressure=8e3 * np.exp(-0.5 * ((fraction - 0.6) / 0.2) ** 2),
+        speed=speed,
+        velocity_body=speed[:, None] * np.column_stack((np.ones_like(speed), angle[:, 1], angle[:, 0])),
+        rate=np.column_stack((np.full_like(speed, 0.2), lateral_rate)),
+    )
+    return model, index, bins, flow
 
 
 def simulated_process(case, rng, force=0.0, moment=0.0, memory=10.0, scale=1.0):

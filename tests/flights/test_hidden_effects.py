@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from identification import OUTSIDE, PAIRS, VEHICLES, expected_gains, random_instance, simulated_mission
+from outside_effects import OUTSIDE_EFFECTS
 from scipy.stats import chi2
 from typer.testing import CliRunner
 
@@ -24,6 +25,7 @@ from edl_filter import Mission
 from edl_filter.cli import app
 from edl_filter.diagnosis.diagnosis import diagnose
 from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.diagnosis.residual_analysis.residual_map import failing_cells
 from edl_filter.diagnosis.selection.decision import decide
 from edl_filter.diagnosis.selection.outer_loop import fit_effects
 from edl_filter.diagnosis.selection.ranking import rank
@@ -166,6 +168,24 @@ def test_an_effect_outside_the_catalogue_is_unknown(tmp_path):
     assert content["verdict"] == "unknown", content["sentence"]
     assert content["remainder"]["channel"] == "moment_y"
     assert content["remainder"]["frequency_hz"] == pytest.approx(OUTSIDE["oscillating_jet"][1]["f"], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "regressor"),
+    [("jet_damping", "angular rate"), ("spinning_wheel", "angular rate"), ("magnus_moment", "angle of attack")],
+)
+def test_a_moment_that_follows_the_motion_is_unknown_where_the_model_holds(name, regressor, tmp_path):
+    """A tenth of the typical size: in no channel the residuals exceed the noise, and only the phase is significant."""
+    effect, values = OUTSIDE_EFFECTS[name]
+    small = EffectInstance(effect, {parameter: 0.1 * value for parameter, value in values.items()})
+    mission = simulated_mission("mer", SEED, [small], tmp_path)
+    diagnosis = diagnose(load_case(mission, ()), catalogue().values())
+    failing = {cell.channel for cell in failing_cells(diagnosis.cells)}
+    assert diagnosis.ranking.model.holds and not any(c.startswith(("force", "moment")) for c in failing)
+    verdict = diagnosis.verdict
+    assert verdict.verdict == "unknown", verdict.sentence
+    assert f" moment in proportion to the {regressor}" in verdict.sentence
+    assert diagnosis.ranking.unmodelled.regressor == regressor
 
 
 def test_a_misaligned_second_imu_is_named_and_added_by_commands(tmp_path, monkeypatch):

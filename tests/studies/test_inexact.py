@@ -80,7 +80,7 @@ def test_the_flights_are_those_of_the_study_in_one_random_order():
         for part in (1.0, 0.5):
             assert {v for v, _, names, p in flights if names == (name,) and p == part} == {"mer", "phoenix"}
     assert sum(len(names) == 2 for _, _, names, _ in flights) == 10
-    assert sum(names[0] in study.OUTSIDE_EFFECTS for _, _, names, _ in flights if names) == 12
+    assert sum(names[0] in study.OUTSIDE_EFFECTS for _, _, names, _ in flights if names) == 18
     first = [names for _, _, names, _ in flights[: len(flights) // 4]]
     assert 8 <= sum(not names for names in first) <= 25  # a third of them, by chance
     assert not set(study.cases(first_seed=7)) & set(flights)

@@ -11,6 +11,7 @@ import numpy as np
 
 from edl_filter.aero.increments import SYMBOLS, DatabaseUpdate
 from edl_filter.diagnosis.linear_model.flight_case import DiscrepancyEstimate, FlightCase
+from edl_filter.diagnosis.noise.unmodelled_acceleration import largest_sigmas
 from edl_filter.diagnosis.residual_analysis.change_point import Onset, onsets
 from edl_filter.diagnosis.residual_analysis.database_update import estimate_database_update
 from edl_filter.diagnosis.residual_analysis.nuisance_shifts import NuisanceShift, nuisance_shifts
@@ -135,6 +136,7 @@ class Diagnosis:
     def content(self) -> dict[str, Any]:
         """All that ``diagnosis.json`` holds; numbers that are not finite are None."""
         verdict, ranking, remainder, latent = self.verdict, self.ranking, self.remainder, self.latent
+        force, angular_acceleration = largest_sigmas(ranking.model.residuals.flow, ranking.unmodelled)
         content = {
             "verdict": verdict.verdict,
             "sentence": verdict.sentence,
@@ -152,8 +154,9 @@ class Diagnosis:
                 "probability": verdict.something_else,
                 "gain": verdict.something_else_gain,
                 "unmodelled_gain": ranking.unmodelled_gain,
-                "force_m_s2": ranking.unmodelled.force,
-                "angular_acceleration_rad_s2": ranking.unmodelled.moment,
+                "proportional_to": ranking.unmodelled.regressor.value,
+                "force_m_s2": force,
+                "angular_acceleration_rad_s2": angular_acceleration,
                 "correlation_time_s": ranking.unmodelled.memory,
                 "with_dynamic_pressure": ranking.unmodelled.with_pressure,
             },

@@ -118,6 +118,14 @@ class DecisionSettings(Section):
     unmodelled_moments: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
         (0.001, 0.01, 0.1), "rad/s^2: amplitudes of the angular acceleration that are tried", STUDY
     )
+    unmodelled_factors: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.0001, 0.001, 0.01, 0.1, 1.0),
+        "SI: amplitudes that are tried of the factor between rate or angle of attack and force or moment",
+        STUDY,
+    )
+    unmodelled_factor_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (20.0,), "s: correlation times of this factor that are tried, many oscillations", STUDY
+    )
 
     # linearisation point
     linearization_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(

@@ -1,4 +1,6 @@
-"""Unmodelled acceleration: against the joint Gaussian of a Gauss–Markov process, and estimated from a simulated one."""
+"""Unmodelled acceleration: against the joint Gaussian of its processes, and estimated from simulated ones."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,17 +10,21 @@ from scipy.stats import multivariate_normal
 from unmodelled_flights import DT, FORCE_SIGMA, STEP_SIGMA, flight, residuals_of, simulated_process
 
 from edl_filter.diagnosis.noise.unmodelled_acceleration import (
+    Regressor,
     UnmodelledAcceleration,
-    amplitude,
+    accelerations,
     augment,
+    in_words,
+    largest_sigmas,
     most_likely_process,
 )
-from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.prediction.predicted_readings import bin_average, triangular_integral
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
 
 SETTINGS = DecisionSettings()
+#: Of the selection: two kinds that are fixed to the body, with two correlation times each, and four with a regressor.
+PRICE = np.log(8.0)
 
 
 def log_likelihood(case, residuals, unmodelled):
@@ -37,42 +43,82 @@ def test_no_acceleration_leaves_the_model_as_it_is():
     assert none.is_zero and augment(*case, none) is case[0]
 
 
-@pytest.mark.parametrize("with_pressure", [False, True])
-def test_the_process_is_a_gauss_markov_process(with_pressure):
-    """The likelihood is the joint Gaussian's with covariance ``s_i s_j exp(-|t_i - t_j| / memory)`` plus noise."""
-    count, unmodelled = 25, UnmodelledAcceleration(0.02, 0.004, 0.7, with_pressure)
+def loads_by_axis(case, unmodelled):
+    """Slow twin of `accelerations`: one process, one node after the other."""
+    flow = case[-1]
+    out = []
+    for k in range(len(flow.speed)):
+        scale = flow.dynamic_pressure[k] / max(flow.dynamic_pressure) if unmodelled.with_pressure else 1.0
+        if unmodelled.regressor == "none":
+            sizes = [unmodelled.force] * 3 + [unmodelled.moment] * 3
+            out.append([[scale * sizes[i] if i == j else 0.0 for j in range(6)] for i in range(6)])
+            continue
+        x_axis = np.array([1.0, 0.0, 0.0])
+        vector = flow.rate[k] if unmodelled.regressor == "angular rate" else flow.velocity_body[k] / flow.speed[k]
+        along = vector - (vector @ x_axis) * x_axis
+        across = np.cross(x_axis, along)
+        if not unmodelled.with_pressure:
+            forces = moments = (along, across)
+        elif unmodelled.regressor == "angular rate":
+            forces = moments = (across,)
+        else:  # side force and Magnus moment
+            forces, moments = (across,), (along,)
+        zero = np.zeros(3)
+        columns = [np.append(unmodelled.force * scale * f, zero) for f in forces]
+        columns += [np.append(zero, unmodelled.moment * scale * m) for m in moments]
+        out.append(np.transpose(columns))
+    return np.array(out)
+
+
+KINDS = [(regressor, with_pressure) for regressor in Regressor for with_pressure in (False, True)]
+
+
+@pytest.mark.parametrize(("regressor", "with_pressure"), KINDS)
+def test_accelerations_of_one_sigma(regressor, with_pressure):
+    case, unmodelled = flight(5), UnmodelledAcceleration(0.02, 0.004, 0.7, with_pressure, regressor)
+    expected = loads_by_axis(case, unmodelled)
+    np.testing.assert_allclose(accelerations(case[-1], unmodelled), expected, rtol=1e-12, atol=1e-18)
+    sigma = np.sqrt(np.sum(expected**2, axis=2))
+    assert largest_sigmas(case[-1], unmodelled) == pytest.approx((sigma[:, :3].max(), sigma[:, 3:].max()))
+
+
+def test_a_process_that_is_fixed_to_the_body_has_its_amplitudes_as_largest_sigmas():
+    flow = flight(5)[-1]
+    for with_pressure in (False, True):
+        assert largest_sigmas(flow, UnmodelledAcceleration(0.02, 0.004, 0.7, with_pressure)) == (0.02, 0.004)
+
+
+@pytest.mark.parametrize(("regressor", "with_pressure"), KINDS)
+def test_the_process_is_a_gauss_markov_process(regressor, with_pressure):
+    """The likelihood is the joint Gaussian's: ``sum_c s_ic s_jc exp(-|t_i - t_j| / memory)`` plus noise."""
+    count, unmodelled = 25, UnmodelledAcceleration(0.02, 0.004, 0.7, with_pressure, regressor)
     case = flight(count)
-    _, index, bins, flow = case
+    _, index, bins, _ = case
     residuals = simulated(case, np.random.default_rng(3), 0.02, 0.004, 0.7)
-    time = bins.edges[1:]
+    at_nodes = loads_by_axis(case, unmodelled)
+    size = np.zeros((index.count, at_nodes.shape[2]))
+    time, sigma = np.empty(index.count), np.empty(index.count)
+    means = {0: bin_average(at_nodes[:, :3], bins), 3: triangular_integral(at_nodes[:, 3:], bins)}
+    for first, mean in means.items():
+        for k in range(len(mean)):
+            rows = index.bin_rows[k, first : first + 3]
+            if rows[0] >= 0:
+                size[rows], time[rows], sigma[rows] = mean[k], bins.edges[k + 1], STEP_SIGMA if first else FORCE_SIGMA
     correlation = np.exp(-np.abs(time[:, None] - time) / unmodelled.memory)
-    pressure = flow.dynamic_pressure / flow.dynamic_pressure.max()
-    scale = pressure if with_pressure else np.ones(NODES_PER_BIN * count + 1)
-    np.testing.assert_allclose(amplitude(flow, unmodelled), scale, rtol=1e-15)
-    expected = 0.0
-    for axis in range(6):
-        rows = index.bin_rows[:, axis]
-        rows = rows[rows >= 0]
-        is_force = axis < 3
-        size = (
-            unmodelled.force * bin_average(scale, bins)
-            if is_force
-            else (unmodelled.moment * triangular_integral(scale, bins))
-        )
-        n, sigma = len(rows), FORCE_SIGMA if is_force else STEP_SIGMA
-        covariance = size[:, None] * correlation[:n, :n] * size + sigma**2 * np.eye(n)
-        constant = 0.5 * n * np.log(2.0 * np.pi)
-        expected += multivariate_normal.logpdf(residuals[rows], cov=covariance) + constant
+    covariance = size @ size.T * correlation + np.diag(sigma**2)
+    expected = multivariate_normal.logpdf(residuals, cov=covariance) + 0.5 * index.count * np.log(2.0 * np.pi)
     assert log_likelihood(case, residuals, unmodelled) == pytest.approx(expected, rel=1e-9)
 
 
-@given(st.floats(0.1, 100.0), st.floats(1e-4, 1.0))
-def test_the_process_is_stationary(memory, size):
+@given(st.floats(0.1, 100.0), st.floats(1e-4, 1.0), st.sampled_from(KINDS))
+def test_the_process_is_stationary(memory, size, kind):
     """One sigma at the beginning is one sigma at all times, whatever the correlation time and the steps."""
-    model = augment(*flight(4), UnmodelledAcceleration(size, size, memory))
+    regressor, with_pressure = kind
+    model = augment(*flight(4), UnmodelledAcceleration(size, size, memory, with_pressure, regressor))
+    one = np.eye(model.size)
     for k in range(len(model.process_noise)):
-        transition, noise = np.eye(6) + model.increment[k], model.process_noise[k]
-        np.testing.assert_allclose(transition @ transition.T + noise, np.eye(6), atol=1e-12)
+        transition, noise = one + model.increment[k], model.process_noise[k]
+        np.testing.assert_allclose(transition @ transition.T + noise, one, atol=1e-12)
 
 
 def test_the_model_that_is_augmented_is_not_changed():
@@ -93,7 +139,7 @@ def test_a_missing_moment_is_estimated(memory, size):
         return evaluated[unmodelled]
 
     estimate, likelihood = most_likely_process(evaluate, SETTINGS)
-    assert likelihood == max(evaluated.values()) and likelihood > evaluated[UnmodelledAcceleration()] + 100.0
+    assert likelihood == max(evaluated.values()) - PRICE and likelihood > evaluated[UnmodelledAcceleration()] + 100.0
     assert size / 3.0 < estimate.moment < size * 3.0
     assert estimate.force < FORCE_SIGMA  # no force of the noise's size
     assert estimate.memory == memory and not estimate.with_pressure
@@ -121,6 +167,65 @@ def test_proportionality_to_the_dynamic_pressure_is_recognised():
     assert likelihood > most_likely_process(constant_only, SETTINGS)[1] + 100.0
 
 
+@pytest.mark.parametrize(
+    ("regressor", "with_pressure", "direction", "moment"),
+    [
+        (Regressor.RATE, False, 0, 2e-3),  # as a damping that is independent of the air
+        (Regressor.RATE, False, 1, 2e-3),  # as a wheel that spins about the axis of symmetry
+        (Regressor.RATE, True, 0, 5e-3),
+        (Regressor.ANGLE, False, 0, 1.5e-2),
+        (Regressor.ANGLE, True, 0, 2e-2),  # a Magnus moment
+    ],
+)
+def test_a_moment_in_proportion_to_a_regressor_is_recognised(regressor, with_pressure, direction, moment):
+    """In every bin it is below the noise, and a process that is fixed to the body does not show it.
+
+    Its factor may change, so that one that is constant may be as likely as one in proportion to the pressure.
+    """
+    case, rng = flight(1600), np.random.default_rng(8)
+    shape = accelerations(case[-1], UnmodelledAcceleration(0.0, moment, 1.0, with_pressure, regressor))
+    missing = shape[:, :, shape.shape[2] // 2 + direction]
+    residuals = residuals_of(case, rng, missing)
+    steps = triangular_integral(missing[:, 3:], case[2])
+    assert np.sqrt(np.mean(steps[:, 1:] ** 2)) < 0.3 * STEP_SIGMA
+
+    def fixed_to_the_body(unmodelled):
+        return -np.inf if unmodelled.regressor != Regressor.NONE else log_likelihood(case, residuals, unmodelled)
+
+    none = log_likelihood(case, residuals, UnmodelledAcceleration())
+    estimate, likelihood = most_likely_process(lambda u: log_likelihood(case, residuals, u), SETTINGS)
+    assert estimate.regressor is regressor
+    assert likelihood - none > 15.0
+    assert most_likely_process(fixed_to_the_body, SETTINGS)[1] - none < 3.0
+
+
+def test_a_side_force_in_proportion_to_the_angle_of_attack_is_recognised():
+    case, rng = flight(1600), np.random.default_rng(9)
+    missing = accelerations(case[-1], UnmodelledAcceleration(0.05, 0.0, 1.0, True, Regressor.ANGLE))[:, :, 0]
+    residuals = residuals_of(case, rng, missing)
+    none = log_likelihood(case, residuals, UnmodelledAcceleration())
+    estimate, likelihood = most_likely_process(lambda u: log_likelihood(case, residuals, u), SETTINGS)
+    assert estimate.regressor is Regressor.ANGLE and estimate.with_pressure and likelihood - none > 15.0
+    assert in_words(replace(estimate, moment=0.0)) == (
+        "a force in proportion to the angle of attack and to the dynamic pressure"
+    )
+
+
+@pytest.mark.parametrize(
+    ("unmodelled", "text"),
+    [
+        (UnmodelledAcceleration(0.1, 0.1), "a force and a moment fixed to the body"),
+        (
+            UnmodelledAcceleration(0.0, 0.1, with_pressure=True),
+            "a moment fixed to the body in proportion to the dynamic pressure",
+        ),
+        (UnmodelledAcceleration(0.1, 0.0, regressor=Regressor.RATE), "a force in proportion to the angular rate"),
+    ],
+)
+def test_a_process_in_words(unmodelled, text):
+    assert in_words(unmodelled) == text
+
+
 def test_noise_alone_has_no_significant_acceleration():
     case = flight(200)
     gains = []
@@ -128,8 +233,32 @@ def test_noise_alone_has_no_significant_acceleration():
         residuals = simulated(case, np.random.default_rng(seed))
         estimate, likelihood = most_likely_process(lambda u, r=residuals: log_likelihood(case, r, u), SETTINGS)
         gains.append(likelihood - log_likelihood(case, residuals, UnmodelledAcceleration()))
-        assert estimate.force < FORCE_SIGMA and estimate.moment * DT < 5.0 * STEP_SIGMA
+        force, moment = largest_sigmas(case[-1], estimate)
+        assert force < FORCE_SIGMA and moment * DT < 5.0 * STEP_SIGMA
     assert min(gains) >= 0.0 and max(gains) < 6.0
+
+
+def paraboloid(u, maximum):
+    """Of the logarithms of the amplitudes, and lower for another kind or correlation time."""
+    pairs = (u.moment, maximum.moment), (u.force, maximum.force)
+    distance = [np.log(max(a, 1e-6) / b) for a, b in pairs]
+    kind = (u.memory != maximum.memory, u.with_pressure != maximum.with_pressure, u.regressor != maximum.regressor)
+    nothing = 100.0 * (u == UnmodelledAcceleration())
+    return -np.square(distance).sum() - sum(kind) - nothing
+
+
+@given(
+    st.sampled_from(SETTINGS.unmodelled_factors[1:]),
+    st.sampled_from(SETTINGS.unmodelled_factors[1:]),
+    st.sampled_from(SETTINGS.unmodelled_factor_memories_s),
+    st.sampled_from(KINDS[2:]),
+)
+def test_the_search_of_factors_ends_at_a_maximum_of_its_grid(moment, force, memory, kind):
+    regressor, with_pressure = kind
+    maximum = UnmodelledAcceleration(force, moment, memory, with_pressure, regressor)
+    estimate, likelihood = most_likely_process(lambda u: paraboloid(u, maximum), SETTINGS)
+    assert estimate == maximum
+    assert likelihood == pytest.approx(-PRICE, abs=1e-12)
 
 
 @given(
@@ -140,14 +269,10 @@ def test_noise_alone_has_no_significant_acceleration():
 )
 def test_the_search_ends_at_a_maximum_of_its_grid(moment, force, memory, with_pressure):
     """A paraboloid in the logarithms of the amplitudes with its maximum on the grid."""
-
-    def value(u):
-        distance = [np.log(max(a, 1e-6) / b) for a, b in ((u.moment, moment), (u.force, force))]
-        return -np.square(distance).sum() - (u.memory != memory) - (u.with_pressure != with_pressure)
-
-    estimate, likelihood = most_likely_process(value, SETTINGS)
-    assert estimate == UnmodelledAcceleration(force, moment, memory, with_pressure)
-    assert likelihood == pytest.approx(0.0, abs=1e-12)
+    maximum = UnmodelledAcceleration(force, moment, memory, with_pressure)
+    estimate, likelihood = most_likely_process(lambda u: paraboloid(u, maximum), SETTINGS)
+    assert estimate == maximum
+    assert likelihood == pytest.approx(-PRICE, abs=1e-12)
 
 
 @pytest.mark.parametrize("maximum", [0.03, 0.1 / 3.0])
@@ -159,5 +284,8 @@ def test_the_search_refines_by_a_factor_of_three(maximum):
 
 def test_the_grid_is_a_setting():
     settings = DecisionSettings(unmodelled_memories_s=(2.0,), unmodelled_moments=(1.0,), unmodelled_forces=(0.5,))
-    estimate, _ = most_likely_process(lambda u: u.moment + u.force, settings)
+    estimate, _ = most_likely_process(lambda u: 9.0 * (u.moment + u.force) * (u.regressor is Regressor.NONE), settings)
     assert estimate == UnmodelledAcceleration(0.5 * 3.0, 1.0 * 3.0, 2.0, False)
+    settings = DecisionSettings(unmodelled_factor_memories_s=(7.0,), unmodelled_factors=(0.2,))
+    estimate, _ = most_likely_process(lambda u: 9.0 * (u.moment + u.force) * (u.regressor is Regressor.ANGLE), settings)
+    assert estimate == UnmodelledAcceleration(0.2 * 3.0, 0.2 * 3.0, 7.0, False, Regressor.ANGLE)

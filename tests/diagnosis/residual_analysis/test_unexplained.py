@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unmodelled_flights import flight, residuals_of, simulated_process
 
-from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, amplitude, augment
+from edl_filter.diagnosis.noise.unmodelled_acceleration import Regressor, UnmodelledAcceleration, accelerations, augment
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.unexplained import (
     _correlation,
@@ -157,19 +157,27 @@ def sample_model(model, rng):
     return np.array(states), np.concatenate(measurements)
 
 
-@pytest.mark.parametrize("with_pressure", [False, True])
-def test_errors_have_the_stated_sigmas(with_pressure):
+@pytest.mark.parametrize(
+    ("with_pressure", "regressor"),
+    [(False, Regressor.NONE), (True, Regressor.NONE), (False, Regressor.RATE), (False, Regressor.ANGLE)],
+)
+def test_errors_have_the_stated_sigmas(with_pressure, regressor):
     """Of force and moment, in N and N m in body axes, drawn from the model; the errors of bins are correlated."""
-    unmodelled = UnmodelledAcceleration(0.1, 0.02, 2.0, with_pressure)
+    unmodelled = UnmodelledAcceleration(0.1, 0.02, 2.0, with_pressure, regressor)
     case, rng, standardised = flight(300), np.random.default_rng(2), []
-    scale = amplitude(case[3], unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN, None]
+    shape = accelerations(case[3], unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN]
     state_space = augment(*case, unmodelled)
     for _ in range(5):
         states, residuals = sample_model(state_space, rng)
         latent = estimate_latent_force(model_of(case, residuals), unmodelled)
-        force, moment = MASS * 0.1 * scale * states[:, :3], 0.02 * scale * states[:, 3:] @ INERTIA.T
+        true = np.einsum("bij,bj->bi", shape, states)
+        force, moment = MASS * true[:, :3], true[:, 3:] @ INERTIA.T
+        lateral = slice(0, 3) if regressor is Regressor.NONE else slice(1, 3)
         standardised.append(
-            ((latent.force - force) / latent.force_sigma, (latent.moment - moment) / latent.moment_sigma)
+            (
+                ((latent.force - force) / np.where(latent.force_sigma > 0.0, latent.force_sigma, 1.0))[:, lateral],
+                ((latent.moment - moment) / latent.moment_sigma)[:, lateral],
+            )
         )
     for errors in np.swapaxes(standardised, 0, 1):
         assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.0, abs=0.1)

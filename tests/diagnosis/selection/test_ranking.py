@@ -97,7 +97,7 @@ def test_effects_that_are_not_fitted_are_not_noise(practice_06):
     ranking = rank(load_case(practice_06.mission, (stated,)), [])
     assert ranking.model.excess_variance.is_zero
     assert ranking.excess_noise_gain == pytest.approx(0.0, abs=1e-6)  # rounding of evidences of 10⁵ nats
-    assert ranking.unmodelled_gain == pytest.approx(0.0, abs=1e-6)
+    assert -1e-6 < ranking.unmodelled_gain < 1.0  # the largest of eight kinds, less the price of their selection
     assert decide(ranking).verdict == "clean"
 
 

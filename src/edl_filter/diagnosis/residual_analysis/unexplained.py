@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import lombscargle
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, amplitude
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, accelerations
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import LEAST_ROWS, normalised_innovations
 from edl_filter.estimation.kalman import whitening_filter
@@ -95,22 +95,18 @@ def estimate_latent_force(model: LinearizedModel, unmodelled: UnmodelledAccelera
     if unmodelled.is_zero:
         return None
     whiten = whitening_filter(model.state_space_with_unmodelled(unmodelled))
-    mean, covariance = smoothed_last_states(whiten, model.white_residuals(whiten), model.initial_mean, 6)
+    shape = accelerations(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN]
+    mean, covariance = smoothed_last_states(whiten, model.white_residuals(whiten), model.initial_mean, shape.shape[2])
     used, step = model.index.step_of_bins(whiten.model.row_start)
-    scale = amplitude(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN][used, None]
     time = model.bins.middle[used]
-    mass, inertia = np.empty((len(time), 1)), np.empty((len(time), 3, 3))
+    to_loads = np.zeros((len(time), 6, 6))
     for part, body in model.inputs.forward_model.bodies(time):
-        mass[part], inertia[part] = body.mass, body.inertia
-    to_force, to_moment = unmodelled.force * mass * scale, unmodelled.moment * scale
-    moment_covariance = inertia @ covariance[step][:, 3:, 3:] @ inertia.transpose(0, 2, 1)
-    return LatentForce(
-        time=time,
-        force=to_force * mean[step, :3],
-        force_sigma=to_force * np.sqrt(np.einsum("bii->bi", covariance[step][:, :3, :3])),
-        moment=to_moment * np.einsum("bij,bj->bi", inertia, mean[step, 3:]),
-        moment_sigma=to_moment * np.sqrt(np.einsum("bii->bi", moment_covariance)),
-    )
+        to_loads[part, :3, :3] = body.mass * np.eye(3)
+        to_loads[part, 3:, 3:] = body.inertia
+    to_loads = to_loads @ shape[used]
+    loads = np.einsum("bij,bj->bi", to_loads, mean[step])
+    sigma = np.sqrt(np.einsum("bij,bjk,bik->bi", to_loads, covariance[step], to_loads, optimize=True))
+    return LatentForce(time, loads[:, :3], sigma[:, :3], loads[:, 3:], sigma[:, 3:])
 
 
 def missing_loads(model: LinearizedModel) -> Array:

@@ -42,6 +42,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from edl_filter.diagnosis.noise.unmodelled_acceleration import in_words
 from edl_filter.diagnosis.residual_analysis.residual_map import (
     channels,
     rms_by_channel,
@@ -177,6 +178,8 @@ def decide(ranking: Ranking) -> Verdict:
     of_none, of_something_else = float(probability[0]), float(probability[1])
     verdict = verdict_of([e.probability for e in entries], of_none, of_something_else, settings.decided_probability)
     sentence = _sentence(verdict, entries, of_none, of_something_else)
+    if verdict == UNKNOWN and unmodelled > 0.0 and not ranking.unmodelled.is_zero:
+        sentence += f" It most likely acts as {in_words(ranking.unmodelled)} (gain {ranking.unmodelled_gain:.0f} nats)."
     return Verdict(verdict, entries, of_none, of_something_else, something_else + cost, cost, sentence)
 
 

@@ -194,9 +194,18 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
 
 
 def _size(something: SomethingElse) -> str:
-    """Size of the unmodelled force and moment; empty where none was estimated."""
-    force, moment = something.force_m_s2, something.angular_acceleration_rad_s2
-    return "" if not force or not moment else f"typically {number(force)} m/s²\nand {number(moment)} rad/s²"
+    """Size of the unmodelled force and moment, and what they are proportional to; empty where none was estimated."""
+    sizes = (something.force_m_s2, "m/s²"), (something.angular_acceleration_rad_s2, "rad/s²")
+    parts = [f"{number(size)} {unit}" for size, unit in sizes if size]
+    if not parts:
+        return ""
+    lines = ["sigma up to " + "\nand ".join(parts)]
+    proportional_to = [] if something.proportional_to == "none" else [something.proportional_to]
+    if something.with_dynamic_pressure:
+        proportional_to.append("dynamic pressure")
+    if proportional_to:
+        lines += ["in proportion to", " and\n".join(proportional_to)]
+    return "\n".join(lines)
 
 
 def _screened(effects: Mapping[str, ScreenedEffect]) -> Table:
