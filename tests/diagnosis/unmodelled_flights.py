@@ -12,31 +12,37 @@ from edl_filter.estimation.block_sparse import from_blocks
 from edl_filter.estimation.linear_state_space import LinearStateSpace
 
 DT = 0.125
-FORCE_SIGMA, STEP_SIGMA = 5e-3, 2e-4
+FORCE_SIGMA, STEP_SIGMA, RATE_SIGMA = 5e-3, 2e-4, 1e-4
 
 
-def flight(count):
+def flight(count, checking=0):
     """State-space model without states, row index, bins, and a flow: a pulse of dynamic pressure, a rolling vehicle.
 
-    Its angle of attack oscillates, with 0.7 Hz in pitch and 0.9 Hz in yaw, and so do its rates.
+    Its angle of attack oscillates, with 0.7 Hz in pitch and 0.9 Hz in yaw, and so do its rates. Each of `checking` IMUs
+    has three rows of specific force and three of rate in every bin.
     """
     edges = 20.0 + DT * np.arange(count + 1)
     bins = TimeBins(edges, np.ones(count, bool))
-    rows = np.full((count, 6), -1)
-    rows[:-1] = np.arange(6 * (count - 1)).reshape(-1, 6)
-    rows[-1, :3] = 6 * (count - 1) + np.arange(3)  # no step of the rate follows the last bin
-    total = 6 * count - 3
-    variance = np.repeat([FORCE_SIGMA**2, STEP_SIGMA**2], 3)
+    width = 6 + 6 * checking
+    in_last_bin = np.delete(np.arange(width), range(3, 6))  # no step of the rate follows the last bin
+    rows = np.full((count, width), -1)
+    rows[:-1] = np.arange(width * (count - 1)).reshape(-1, width)
+    rows[-1, in_last_bin] = width * (count - 1) + np.arange(width - 3)
+    total = width * count - 3
+    sigma = np.repeat([FORCE_SIGMA, STEP_SIGMA, *[FORCE_SIGMA, RATE_SIGMA] * checking], 3)
+    row_noise = np.tile(np.diag(sigma**2), (count, 1))[:total]
+    row_noise[rows[-1, in_last_bin], :] = np.eye(width - 3, width) * sigma[in_last_bin, None] ** 2
     empty = from_blocks(0, [(slice(0, 0), slice(0, 0), np.zeros((count, 0, 0)))])
     model = LinearStateSpace(
         increment=empty,
         process_noise=empty,
-        row_start=np.append(np.arange(count) * 6, total),
+        row_start=np.append(np.arange(count) * width, total),
         design=np.zeros((total, 0)),
-        row_noise=np.tile(np.diag(variance), (count, 1))[:total],
+        row_noise=row_noise,
         initial_covariance=np.zeros((0, 0)),
     )
-    index = RowIndex(rows, (), total, np.full(count, DT), np.repeat(edges[1:], 6)[:total], np.arange(total) % 6)
+    column = np.arange(total) % width
+    index = RowIndex(rows, (), total, np.full(count, DT), np.repeat(edges[1:], width)[:total], column)
     fraction = np.linspace(0.0, 1.0, NODES_PER_BIN * count + 1)
     phase = 2.0 * np.pi * np.outer(DT * count * fraction, [0.7, 0.9])
     speed = 4e3 - 3e3 * fraction

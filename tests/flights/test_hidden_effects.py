@@ -185,7 +185,7 @@ def test_a_moment_that_follows_the_motion_is_unknown_where_the_model_holds(name,
     verdict = diagnosis.verdict
     assert verdict.verdict == "unknown", verdict.sentence
     assert f" moment in proportion to the {regressor}" in verdict.sentence
-    assert diagnosis.ranking.unmodelled.regressor == regressor
+    assert diagnosis.ranking.unmodelled.form == regressor
 
 
 def test_a_misaligned_second_imu_is_named_and_added_by_commands(tmp_path, monkeypatch):

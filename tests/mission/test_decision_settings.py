@@ -30,6 +30,8 @@ DEFAULTS = {
     "unmodelled_memories_s": (0.5, 10.0), "unmodelled_forces": (3e-3, 3e-2, 0.3),
     "unmodelled_moments": (1e-3, 1e-2, 0.1),
     "unmodelled_factors": (1e-4, 1e-3, 1e-2, 0.1, 1.0), "unmodelled_factor_memories_s": (20.0,),
+    "unmodelled_force_drifts": (1e-4, 1e-3, 1e-2, 0.1), "unmodelled_rate_drifts": (1e-6, 1e-5, 1e-4, 1e-3),
+    "unmodelled_drift_memories_s": (60.0,),
     "linearization_iterations": 6, "iterated_excess_share": 0.2, "linearization_tolerance_sigmas": 0.1,
     "linearization_convergence_nats": 2.0, "state_limit_sigmas": 100.0,
     "log_density_limit": 0.9, "alternative_iterations": 4, "alternative_progress": 0.8,

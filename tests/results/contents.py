@@ -39,7 +39,8 @@ def diagnosis(**changes):
         "effects": [], "where": [cell()], "map": [cell()], "ranking": [hypothesis()], "required_gain": 12.0,
         "none": 0.05, "none_gain": -40.0,
         "something_else": {
-            "probability": 0.05, "gain": 12.0, "unmodelled_gain": 3.0, "proportional_to": "none", "force_m_s2": 0.003,
+            "probability": 0.05, "gain": 12.0, "unmodelled_gain": 3.0, "form": "fixed to the body", "force_m_s2": 0.003,
+            "rate_rad_s": 0.0,
             "angular_acceleration_rad_s2": 0.001, "correlation_time_s": 10.0, "with_dynamic_pressure": False,
         },
         "screening": {"mass": screened()},

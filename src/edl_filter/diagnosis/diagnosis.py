@@ -136,7 +136,7 @@ class Diagnosis:
     def content(self) -> dict[str, Any]:
         """All that ``diagnosis.json`` holds; numbers that are not finite are None."""
         verdict, ranking, remainder, latent = self.verdict, self.ranking, self.remainder, self.latent
-        force, angular_acceleration = largest_sigmas(ranking.model.residuals.flow, ranking.unmodelled)
+        force, angular_acceleration, rate = largest_sigmas(ranking.model.residuals.flow, ranking.unmodelled)
         content = {
             "verdict": verdict.verdict,
             "sentence": verdict.sentence,
@@ -154,9 +154,10 @@ class Diagnosis:
                 "probability": verdict.something_else,
                 "gain": verdict.something_else_gain,
                 "unmodelled_gain": ranking.unmodelled_gain,
-                "proportional_to": ranking.unmodelled.regressor.value,
+                "form": ranking.unmodelled.form.value,
                 "force_m_s2": force,
                 "angular_acceleration_rad_s2": angular_acceleration,
+                "rate_rad_s": rate,
                 "correlation_time_s": ranking.unmodelled.memory,
                 "with_dynamic_pressure": ranking.unmodelled.with_pressure,
             },

@@ -126,6 +126,15 @@ class DecisionSettings(Section):
     unmodelled_factor_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
         (20.0,), "s: correlation times of this factor that are tried, many oscillations", STUDY
     )
+    unmodelled_force_drifts: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (0.0001, 0.001, 0.01, 0.1), "m/s^2: amplitudes that are tried of a drift of one IMU's accelerometers", STUDY
+    )
+    unmodelled_rate_drifts: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (1e-06, 1e-05, 0.0001, 0.001), "rad/s: amplitudes that are tried of a drift of one IMU's gyros", STUDY
+    )
+    unmodelled_drift_memories_s: Annotated[tuple[Positive, ...], Field(min_length=1)] = _setting(
+        (60.0,), "s: correlation times of this drift that are tried", STUDY
+    )
 
     # linearisation point
     linearization_iterations: Annotated[int, Field(strict=True, ge=1, le=20)] = _setting(

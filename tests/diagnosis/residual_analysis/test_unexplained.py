@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unmodelled_flights import flight, residuals_of, simulated_process
 
-from edl_filter.diagnosis.noise.unmodelled_acceleration import Regressor, UnmodelledAcceleration, accelerations, augment
+from edl_filter.diagnosis.noise.unmodelled_acceleration import Form, UnmodelledAcceleration, accelerations, augment
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.unexplained import (
     _correlation,
@@ -158,12 +158,12 @@ def sample_model(model, rng):
 
 
 @pytest.mark.parametrize(
-    ("with_pressure", "regressor"),
-    [(False, Regressor.NONE), (True, Regressor.NONE), (False, Regressor.RATE), (False, Regressor.ANGLE)],
+    ("with_pressure", "form"),
+    [(False, Form.BODY), (True, Form.BODY), (False, Form.RATE), (False, Form.ANGLE)],
 )
-def test_errors_have_the_stated_sigmas(with_pressure, regressor):
+def test_errors_have_the_stated_sigmas(with_pressure, form):
     """Of force and moment, in N and N m in body axes, drawn from the model; the errors of bins are correlated."""
-    unmodelled = UnmodelledAcceleration(0.1, 0.02, 2.0, with_pressure, regressor)
+    unmodelled = UnmodelledAcceleration(0.1, 0.02, 2.0, with_pressure, form)
     case, rng, standardised = flight(300), np.random.default_rng(2), []
     shape = accelerations(case[3], unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN]
     state_space = augment(*case, unmodelled)
@@ -172,7 +172,7 @@ def test_errors_have_the_stated_sigmas(with_pressure, regressor):
         latent = estimate_latent_force(model_of(case, residuals), unmodelled)
         true = np.einsum("bij,bj->bi", shape, states)
         force, moment = MASS * true[:, :3], true[:, 3:] @ INERTIA.T
-        lateral = slice(0, 3) if regressor is Regressor.NONE else slice(1, 3)
+        lateral = slice(0, 3) if form is Form.BODY else slice(1, 3)
         standardised.append(
             (
                 ((latent.force - force) / np.where(latent.force_sigma > 0.0, latent.force_sigma, 1.0))[:, lateral],
@@ -195,6 +195,7 @@ def test_a_continuous_force_and_moment_are_recovered():
         assert np.sqrt(np.mean((estimate - true) ** 2)) < 0.15 * np.sqrt(np.mean(true**2))
 
 
-def test_there_is_none_where_the_process_is_zero():
+@pytest.mark.parametrize("unmodelled", [UnmodelledAcceleration(), UnmodelledAcceleration(1e-3, 1e-5, form=Form.IMU)])
+def test_there_is_none_where_the_process_is_no_force(unmodelled):
     case = flight(20)
-    assert estimate_latent_force(model_of(case, np.zeros(case[1].count)), UnmodelledAcceleration()) is None
+    assert estimate_latent_force(model_of(case, np.zeros(case[1].count)), unmodelled) is None

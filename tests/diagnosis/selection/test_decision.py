@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from edl_filter.diagnosis.noise.unmodelled_acceleration import Regressor, UnmodelledAcceleration
+from edl_filter.diagnosis.noise.unmodelled_acceleration import Form, UnmodelledAcceleration
 from edl_filter.diagnosis.selection import decision
 from edl_filter.diagnosis.selection import ranking as ranking_module
 from edl_filter.diagnosis.selection.decision import (
@@ -440,7 +440,7 @@ def test_something_else_that_no_effect_explains():
 
 def test_an_unknown_flight_has_the_most_likely_acceleration_in_words():
     """Where that contradicts the model, and not where only the noise does."""
-    process = UnmodelledAcceleration(0.0, 1e-3, 20.0, regressor=Regressor.RATE)
+    process = UnmodelledAcceleration(0.0, 1e-3, 20.0, form=Form.RATE)
     for gain, noise, stated in ((80.0, 0.0, True), (80.0, 50.0, True), (-600.0, 50.0, False)):
         verdict = decide(replace(ranking_of(unmodelled_gain=gain, noise=noise), unmodelled=process))
         text = " It most likely acts as a moment in proportion to the angular rate (gain 80 nats)."

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.signal import lombscargle
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, accelerations
+from edl_filter.diagnosis.noise.unmodelled_acceleration import Form, UnmodelledAcceleration, accelerations
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import LEAST_ROWS, normalised_innovations
 from edl_filter.estimation.kalman import whitening_filter
@@ -91,8 +91,8 @@ class Remainder:
 
 
 def estimate_latent_force(model: LinearizedModel, unmodelled: UnmodelledAcceleration) -> LatentForce | None:
-    """Smoothed unmodelled force and moment with the most likely process; None where that is zero."""
-    if unmodelled.is_zero:
+    """Smoothed unmodelled force and moment with the most likely process; None where that is no force and no moment."""
+    if unmodelled.is_zero or unmodelled.form is Form.IMU:
         return None
     whiten = whitening_filter(model.state_space_with_unmodelled(unmodelled))
     shape = accelerations(model.residuals.flow, unmodelled)[NODES_PER_BIN // 2 :: NODES_PER_BIN]

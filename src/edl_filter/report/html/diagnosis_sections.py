@@ -194,17 +194,24 @@ def _ranking(diagnosis: DiagnosisContent) -> Table:
 
 
 def _size(something: SomethingElse) -> str:
-    """Size of the unmodelled force and moment, and what they are proportional to; empty where none was estimated."""
-    sizes = (something.force_m_s2, "m/s²"), (something.angular_acceleration_rad_s2, "rad/s²")
+    """Size and form of the unmodelled force and moment; empty where none was estimated."""
+    sizes = (
+        (something.force_m_s2, "m/s²"),
+        (something.angular_acceleration_rad_s2, "rad/s²"),
+        (something.rate_rad_s, "rad/s"),
+    )
     parts = [f"{number(size)} {unit}" for size, unit in sizes if size]
     if not parts:
         return ""
     lines = ["sigma up to " + "\nand ".join(parts)]
-    proportional_to = [] if something.proportional_to == "none" else [something.proportional_to]
+    is_regressor = something.form in ("angular rate", "angle of attack")
+    quantities = [something.form] if is_regressor else []
+    if not is_regressor:
+        lines.append(something.form)
     if something.with_dynamic_pressure:
-        proportional_to.append("dynamic pressure")
-    if proportional_to:
-        lines += ["in proportion to", " and\n".join(proportional_to)]
+        quantities.append("dynamic pressure")
+    if quantities:
+        lines += ["in proportion to", " and\n".join(quantities)]
     return "\n".join(lines)
 
 

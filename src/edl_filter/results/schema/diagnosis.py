@@ -94,9 +94,12 @@ class SomethingElse(Content):
         "unmodelled_gain unless the evidence against a stated sigma is larger"
     )
     unmodelled_gain: Number = key("log Bayes factor of an unmodelled force and moment, nats")
-    proportional_to: str = key("quantity that both are proportional to; `none`: fixed to the body")
-    force_m_s2: Number = key("largest 1 sigma of the unmodelled specific force, m/s^2")
+    form: str = key(
+        "`fixed to the body`, `angular rate` or `angle of attack` (proportional to it), or `error of one IMU`"
+    )
+    force_m_s2: Number = key("largest 1 sigma of the unmodelled specific force, or of the error, m/s^2")
     angular_acceleration_rad_s2: Number = key("largest 1 sigma of the unmodelled angular acceleration, rad/s^2")
+    rate_rad_s: Number = key("largest 1 sigma of the error of the gyros, rad/s")
     correlation_time_s: Number = key("correlation time of both, s")
     with_dynamic_pressure: bool = key("whether both are proportional to the dynamic pressure")
 
