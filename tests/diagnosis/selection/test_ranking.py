@@ -91,6 +91,23 @@ def test_the_gain_of_a_name_is_the_evidence_that_the_model_with_it_has_more(rank
 
 
 @slow
+def test_the_gyro_noise_of_a_spinning_vehicle_is_no_unmodelled_acceleration(tmp_path):
+    """The moments are predicted at the rates that are measured: gyro noise that two bins share acts as a bias.
+
+    At 30 rpm the gyroscopic term changes a step of the rate by a tenth of the noise, in phase with the spin.
+    """
+    flight = simulate(Scenario.load("builtin:phoenix", ("entry.spin_rpm=30",)), seed=77).write(tmp_path / "flight.h5")
+    model = credible_model(load_case(Mission.load("builtin:practice_phoenix", (f"telemetry.path={flight}",)), ()))[0]
+    rows = model.index.bin_rows[:-1, 3:6]
+    steps = model.state_space.design[rows[np.all(rows >= 0, axis=1)]]
+    before, after = model.nuisance["gyro_noise_before"], model.nuisance["gyro_noise_after"]
+    bias = model.nuisance.layout["gyro_bias"]
+    assert np.abs(steps[..., bias]).max() > 0.03
+    np.testing.assert_allclose(steps[..., before] + steps[..., after], steps[..., bias], atol=1e-9)
+    assert model.holds and fit_unmodelled(model)[1] - model.log_evidence < 3.0
+
+
+@slow
 def test_effects_that_are_not_fitted_are_not_noise(practice_06):
     """The gain of fitting the model's own effects is neither excess noise nor an unmodelled acceleration."""
     stated = EffectInstance(find_effect("axial_force_scale"), {"k": 0.0015})

@@ -132,13 +132,14 @@ def bin_rows(
         discrepancy[:, :3] += np.sum(jacobian.force[:, :, columns] ** 2, axis=2)
         discrepancy[:-1, 3:6] += np.sum(jacobian.rate_step[:, :, columns] ** 2, axis=2)
 
-    # gyro noise: the step of the rate itself, and the rotation within the two bins of the step
+    # gyro noise: the step of the rate itself, the moments at the mean of both rates, and the rotation within both bins
     eye = np.eye(3)
+    by_rate = jacobian.rate_step[:, :, jacobian.columns["rate"]]
     before, after = nuisance["gyro_noise_before"], nuisance["gyro_noise_after"]
     design[:, 3:6, before], design[:, 3:6, after] = -eye, eye
     within = jacobian.rate_step[:, :, jacobian.columns["attitude"]] * (bins.interval[:-1] / 6.0)[:, None, None]
-    design[:-1, 3:6, before] += within
-    design[:-1, 3:6, after] -= within
+    design[:-1, 3:6, before] += within - 0.5 * by_rate
+    design[:-1, 3:6, after] -= within + 0.5 * by_rate
 
     forces, rate = denoised
     rate_step = np.concatenate((np.diff(rate, axis=0), np.zeros((1, 3))))
@@ -149,7 +150,6 @@ def bin_rows(
             if name.startswith("accelerometer"):
                 design[:, :3, part] += block
             else:
-                by_rate = jacobian.rate_step[:, :, jacobian.columns["rate"]]
                 at_edge = 0.5 * (block[:-1] + block[1:])
                 design[:-1, 3:6, part] -= np.einsum("bij,bjk->bik", by_rate, at_edge)
                 if name == "gyro_scale":
