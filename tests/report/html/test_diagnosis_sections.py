@@ -2,7 +2,7 @@
 
 import folders
 import pytest
-from contents import hypothesis
+from contents import diagnosis, hypothesis
 from pages import body, data, numbers, page, section
 
 from edl_filter.report.diagnosis import ledger_levels
@@ -14,6 +14,26 @@ def test_a_hypothesis_has_size_sigma_unit_and_what_it_is_confused_with(tmp_path)
     for part in ("−38.07 ± 0.53 m/s", "0.980", "mass", "a second probe would part them", "9.5 → 1", "something else",
                  "gyro_bias"):  # fmt: skip
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, "sigma up to 0.003 m/s²\nand 0.001 rad/s²\nfixed to the body"),
+        ({"with_dynamic_pressure": True},
+         "sigma up to 0.003 m/s²\nand 0.001 rad/s²\nfixed to the body\nin proportion to\ndynamic pressure"),
+        ({"form": "angle of attack", "with_dynamic_pressure": True, "force_m_s2": 0.0},
+         "sigma up to 0.001 rad/s²\nin proportion to\nangle of attack and\ndynamic pressure"),
+        ({"form": "error of one IMU", "angular_acceleration_rad_s2": 0.0, "rate_rad_s": 2e-6},
+         "sigma up to 0.003 m/s²\nand 2e-06 rad/s\nerror of one IMU"),
+        ({"force_m_s2": 0.0, "angular_acceleration_rad_s2": 0.0}, '<td class="text"></td>'),
+    ],
+)  # fmt: skip
+def test_something_else_has_its_size_and_form(tmp_path, changes, expected):
+    folders.complete_run(tmp_path)
+    folders.diagnosis(tmp_path, something_else=diagnosis()["something_else"] | changes)
+    row = section(page(tmp_path), "hypotheses").split(">something else</th>")[1].split("</tr>")[0]
+    assert expected in row
 
 
 def test_only_effects_that_gain_are_offered_with_the_file_that_defines_them(tmp_path):
