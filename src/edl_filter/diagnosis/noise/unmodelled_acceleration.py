@@ -1,6 +1,6 @@
-"""Unmodelled acceleration: the hypothesis of a force and moment that follow no named effect.
+"""Unmodelled acceleration: a force and moment, or an error of an IMU, that follow no named effect.
 
-One of three forms of stochastic processes, each with one correlation time:
+The hypothesis is one of three forms of stochastic processes, each with one correlation time:
 
 fixed to the body
     Every axis of force and moment is an independent first-order Gauss–Markov process (Tapley, Schutz and Born,
@@ -12,7 +12,6 @@ proportional to a regressor
     moment of 1e-4 rad/s² that keeps its phase over a hundred oscillations is significant, and a process that is fixed
     to the body cannot have it: this is a test for regressors that the model omits (model structure determination: Klein
     and Morelli, Aircraft System Identification, 2006, chapter 5).
-
 error of one IMU
     The difference of the readings of two IMUs has a first-order Gauss–Markov process per axis, with one amplitude for
     the accelerometers and one for the gyros: a drift that no constant error of a sensor has (bias instability: IEEE Std
