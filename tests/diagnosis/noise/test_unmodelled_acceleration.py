@@ -10,7 +10,6 @@ from scipy.stats import multivariate_normal
 from unmodelled_flights import DT, FORCE_SIGMA, RATE_SIGMA, STEP_SIGMA, flight, residuals_of, simulated_process
 
 from edl_filter.diagnosis.noise.unmodelled_acceleration import (
-    Form,
     UnmodelledAcceleration,
     accelerations,
     augment,
@@ -21,6 +20,7 @@ from edl_filter.diagnosis.noise.unmodelled_acceleration import (
 from edl_filter.diagnosis.prediction.predicted_readings import bin_average, triangular_integral
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.results.verdicts import Form
 
 SETTINGS = DecisionSettings()
 #: Of the selection: fixed to the body with two correlation times, constant or not; four with a regressor; a drift.

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from unmodelled_flights import flight, residuals_of, simulated_process
 
-from edl_filter.diagnosis.noise.unmodelled_acceleration import Form, UnmodelledAcceleration, accelerations, augment
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, accelerations, augment
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.unexplained import (
     _correlation,
@@ -24,6 +24,7 @@ from edl_filter.diagnosis.residual_analysis.unexplained import (
 )
 from edl_filter.effects.types import Body
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.results.verdicts import Form
 
 SETTINGS = DecisionSettings()
 DT = 0.125

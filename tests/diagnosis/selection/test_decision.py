@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from edl_filter.diagnosis.noise.unmodelled_acceleration import Form, UnmodelledAcceleration
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration
 from edl_filter.diagnosis.selection import decision
 from edl_filter.diagnosis.selection import ranking as ranking_module
 from edl_filter.diagnosis.selection.decision import (
@@ -29,6 +29,7 @@ from edl_filter.diagnosis.selection.ranking import Ranking
 from edl_filter.effects import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.results.verdicts import Form
 
 SETTINGS = DecisionSettings()
 COST, COST_IN_NOISE = SETTINGS.named_gain_nats, SETTINGS.named_gain_in_excess_noise_nats

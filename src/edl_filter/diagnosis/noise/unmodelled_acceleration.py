@@ -31,7 +31,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
@@ -41,21 +40,13 @@ from edl_filter.diagnosis.prediction.time_bins import TimeBins
 from edl_filter.effects.types import FlightCondition
 from edl_filter.estimation.linear_state_space import LinearStateSpace, append_constant_states, with_gauss_markov_states
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.results.verdicts import Form
 from edl_filter.types import Array
 
 #: Factor by which the amplitudes on the grid are refined.
 _REFINEMENT = 3.0
 #: Gain of an amplitude below which it is zero, nats: the price of one parameter (Akaike, IEEE TAC 19 (1974) 716).
 _LEAST_GAIN = 1.0
-
-
-class Form(StrEnum):
-    """What the process acts on, or in proportion to what it acts."""
-
-    BODY = "fixed to the body"
-    RATE = "angular rate"
-    ANGLE = "angle of attack"
-    IMU = "error of one IMU"
 
 
 @dataclass(frozen=True)
@@ -162,10 +153,10 @@ def in_words(unmodelled: UnmodelledAcceleration) -> str:
     acting = " and ".join(name for name, size in zip(names, amplitudes, strict=True) if size > 0.0)
     if is_error:
         return f"a drift of the {acting} of one IMU"
-    quantities = [] if unmodelled.form is Form.BODY else [unmodelled.form.value]
+    quantities = [unmodelled.form.value] if unmodelled.form.is_regressor else []
     if unmodelled.with_pressure:
         quantities.append("dynamic pressure")
-    fixed = f" {Form.BODY}" if unmodelled.form is Form.BODY else ""
+    fixed = "" if unmodelled.form.is_regressor else f" {unmodelled.form}"
     return f"{acting}{fixed}" + (f" in proportion to the {' and to the '.join(quantities)}" if quantities else "")
 
 

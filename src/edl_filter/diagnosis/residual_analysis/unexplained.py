@@ -16,13 +16,14 @@ import numpy as np
 from scipy.signal import lombscargle
 
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
-from edl_filter.diagnosis.noise.unmodelled_acceleration import Form, UnmodelledAcceleration, accelerations
+from edl_filter.diagnosis.noise.unmodelled_acceleration import UnmodelledAcceleration, accelerations
 from edl_filter.diagnosis.prediction.dead_reckoning import NODES_PER_BIN
 from edl_filter.diagnosis.residual_analysis.residual_map import LEAST_ROWS, normalised_innovations
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.estimation.series import runs
 from edl_filter.estimation.smoothing import smoothed_last_states
 from edl_filter.mission.decision_settings import DecisionSettings
+from edl_filter.results.verdicts import Form
 from edl_filter.types import AXES, Array, BoolArray, IntArray
 
 #: Number of frequencies of a spectrum that are computed together.

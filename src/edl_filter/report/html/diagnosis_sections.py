@@ -204,10 +204,9 @@ def _size(something: SomethingElse) -> str:
     if not parts:
         return ""
     lines = ["sigma up to " + "\nand ".join(parts)]
-    is_regressor = something.form in ("angular rate", "angle of attack")
-    quantities = [something.form] if is_regressor else []
-    if not is_regressor:
-        lines.append(something.form)
+    quantities = [something.form.value] if something.form.is_regressor else []
+    if not something.form.is_regressor:
+        lines.append(something.form.value)
     if something.with_dynamic_pressure:
         quantities.append("dynamic pressure")
     if quantities:

@@ -6,7 +6,7 @@ from shlex import quote
 
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.results.schema.fields import Content, Number, NumberVector, key, optional
-from edl_filter.results.verdicts import VerdictName
+from edl_filter.results.verdicts import Form, VerdictName
 
 
 class Estimate(Content):
@@ -94,9 +94,7 @@ class SomethingElse(Content):
         "unmodelled_gain unless the evidence against a stated sigma is larger"
     )
     unmodelled_gain: Number = key("log Bayes factor of an unmodelled force and moment, nats")
-    form: str = key(
-        "`fixed to the body`, `angular rate` or `angle of attack` (proportional to it), or `error of one IMU`"
-    )
+    form: Form = key("fixed to the body, proportional to angular rate or angle of attack, or an error of one IMU")
     force_m_s2: Number = key("largest 1 sigma of the unmodelled specific force, or of the error, m/s^2")
     angular_acceleration_rad_s2: Number = key("largest 1 sigma of the unmodelled angular acceleration, rad/s^2")
     rate_rad_s: Number = key("largest 1 sigma of the error of the gyros, rad/s")
