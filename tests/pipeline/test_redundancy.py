@@ -10,7 +10,7 @@ from edl_filter.mission import Mission
 from edl_filter.pipeline import load
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct
-from edl_filter.pipeline.redundancy import _gain, _hypotheses, undecided
+from edl_filter.pipeline.redundancy import _gain, _hypotheses, _with_adjacent_spikes, undecided
 from edl_filter.pipeline.trust import check_record, judge
 from edl_filter.telemetry.mer_archive import read_mer_tables
 from edl_filter.telemetry.record import SampleFinding
@@ -117,8 +117,33 @@ def test_an_imu_that_cannot_be_replaced_is_sound_only_if_the_flight_with_it_is_c
     assert _gain(None, contradicted) == _gain(contradicted, None) == _gain(None, None) == 0.0
 
 
-def finding(triad, start, end):
-    return SampleFinding("primary", triad, start, end, 1, "disagreement")
+@pytest.mark.parametrize("name", ["primary", "secondary"])
+def test_all_samples_of_a_stretch_of_noise_are_replaced(name, flight):
+    """Near its end too few of the noisy samples that no test of single samples marks are left for a window."""
+    changes = {FORCE: noise(0.9), RATE: noise(6e-3)}
+    result = checked(flight, faulty(flight[1], name, changes, start=150.0, end=160.0))
+    record = next(r for r in (result.driving, *result.checking) if r.name == name)
+    noisy = (record.time > 150.0) & (record.time <= 160.0)
+    assert record.force_fill_sigma[noisy].min() > 0.0 and record.rate_fill_sigma[noisy].min() > 0.0
+    assert not record.filled[np.abs(record.time - 155.0) > 10.0].any()
+
+
+def finding(triad, start, end, kind="disagreement"):
+    return SampleFinding("primary", triad, start, end, 1, kind)
+
+
+def test_a_stretch_has_its_spikes_up_to_a_window_away_and_what_is_between():
+    stretches = {"force": [(100.0, 110.0), (140.0, np.inf)], "rate": [(100.0, 110.0), (113.0, 120.0)]}
+    findings = [
+        finding("force", 112.0, 113.0, "spike"),
+        finding("force", 117.5, 118.0, "burst"),  # less than a window from the spike before it
+        finding("force", 126.0, 127.0, "spike"),
+        finding("force", 96.0, 97.0, "spike"),
+        finding("rate", 90.0, 92.0, "spike"),
+        finding("rate", 121.0, 124.0, "gap"),
+    ]
+    expected = {"force": [(96.0, 118.0), (140.0, np.inf)], "rate": [(100.0, 120.0)]}
+    assert _with_adjacent_spikes(stretches, findings) == expected
 
 
 def test_a_fault_that_begins_in_both_triads_ends_with_the_later_one():

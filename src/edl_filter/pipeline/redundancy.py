@@ -230,8 +230,28 @@ def _with_common_ends(stretches: Stretches) -> dict[str, list[tuple[float, float
     return common
 
 
+def _with_adjacent_spikes(stretches: Stretches, findings: Sequence[SampleFinding]) -> Stretches:
+    """Stretches of an IMU with its spikes and bursts (`findings`) that are less than a window apart from them.
+
+    A fault that is no constant error ends somewhere in the last window, in which it is found sample by sample. Samples
+    between those are too few for a window, and a neighbour that is lost leaves no parity: they are not known to agree.
+    """
+    out: dict[str, list[tuple[float, float]]] = {}
+    for triad, own in stretches.items():
+        spikes = [(f.start, f.end) for f in findings if f.channel == triad and f.kind in ("spike", "burst")]
+        merged: list[tuple[float, float]] = []
+        for start, end in sorted([*own, *spikes]):
+            if merged and start < merged[-1][1] + WINDOW:
+                before = merged.pop()
+                start, end = before[0], max(end, before[1])
+            merged.append((start, end))
+        out[triad] = [(a, b) for a, b in merged if any(a <= start and end <= b for start, end in own)]
+    return out
+
+
 def _with_samples_lost(first: Run, name: str, lost: Stretches, checks: Checks) -> Telemetry:
     """Repaired telemetry, driven by the other IMU where the driving one has lost most of its samples."""
+    lost = _with_adjacent_spikes(lost, [f for f in first.telemetry.findings if f.imu == name])
     repaired = without_samples(first.telemetry, name, lost, checks.settings, checks.parachute)
     driving = repaired.driving
     before = driving.time <= checks.parachute
