@@ -1,10 +1,13 @@
 """A flight prepared for diagnosis: model and readings with effects, and the determinant of the readings' map."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from edl_filter.diagnosis.linear_model import flight_case as flight_case_module
-from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case
+from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case, rejected_readings
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.pipeline import reconstruct as reconstruct_module
@@ -96,3 +99,34 @@ def test_a_reconstruction_for_a_diagnosis_adds_no_noise_where_it_diverges(monkey
     case = load_case(practice_06.mission, ())
     assert calls == [(practice_06.mission, (), False, {"recover": False})]
     assert case.reconstruction is practice_06 and case.discrepancy_estimate is None
+
+
+def uses_of(name, *accepted):
+    """Uses of an instrument at 0, 1, … s, each accepted or not."""
+    return [
+        SimpleNamespace(constraint=SimpleNamespace(name=name, time=float(k)), accepted=a)
+        for k, a in enumerate(accepted)
+    ]
+
+
+def test_rejected_readings_of_an_instrument_that_agrees_are_outliers():
+    """Not those of an instrument most of whose readings are rejected, or of which there are few."""
+    fused = [
+        *uses_of("altimeter", True, False, True, True, False),
+        *uses_of("onboard_attitude", True, False, False, False, True, True),
+        *uses_of("rest_velocity", True, False, True),
+        *uses_of("landing", False),
+    ]
+    assert rejected_readings(SimpleNamespace(fused=fused)) == {("altimeter", 1.0), ("altimeter", 4.0)}
+
+
+def test_outliers_are_not_compared_whatever_effects_the_model_has(case):
+    constraints = case.reconstruction.problem.constraints
+    heights = [c for c in constraints if c.name == "altimeter"][3:5]
+    without = replace(case, outliers=frozenset((c.name, c.time) for c in heights))
+    remaining = [c.time for c in constraints if c not in heights]
+    effect = instance("com_offset", dy=5e-3)
+    for inputs in (without.model_inputs(()), without.model_inputs((effect,)), without.denoised_inputs(())):
+        assert [c.time for c in inputs.problem.constraints] == remaining
+    assert without.reconstruct_with([effect]).outliers == without.outliers
+    assert case.outliers == frozenset()

@@ -103,7 +103,8 @@ def _with_values(case: FlightCase, names: tuple[str, ...], values: Array) -> Fli
     mission = case.mission
     assert mission.aerodynamics is not None
     stated = mission.aerodynamics.with_discrepancy(dict(zip(names, values.tolist(), strict=True)))
-    return flight_case(replace(case.reconstruction, mission=mission.model_copy(update={"aerodynamics": stated})))
+    other = replace(case.reconstruction, mission=mission.model_copy(update={"aerodynamics": stated}))
+    return replace(flight_case(other), outliers=case.outliers)
 
 
 def _log_evidence(case: FlightCase) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +20,8 @@ from edl_filter.effects.forward_model import ForwardModel
 from edl_filter.effects.sensor_chain import log_abs_det_jacobian
 from edl_filter.mission import Mission
 from edl_filter.mission.decision_settings import DecisionSettings
-from edl_filter.navigation.filter import Problem
+from edl_filter.navigation.consensus import LEAST_READINGS
+from edl_filter.navigation.filter import FilterPass, Problem
 from edl_filter.navigation.increments import effective_samples, unresolved_motion_of
 from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.forward_model import forward_model_of
@@ -78,6 +80,8 @@ class FlightCase:
         Constant nuisance parameters.
     discrepancy_estimate : DiscrepancyEstimate or None
         What of the mission's prior of the database's error was estimated; None: nothing.
+    outliers : frozenset of (str, float)
+        Name and time (s) of readings that are not compared (`rejected_readings`), whatever effects the model has.
     """
 
     reconstruction: Reconstruction
@@ -85,6 +89,7 @@ class FlightCase:
     uncertainty: StatedUncertainty
     constants: tuple[StatedParameter, ...] = ()
     discrepancy_estimate: DiscrepancyEstimate | None = None
+    outliers: frozenset[tuple[str, float]] = frozenset()
 
     @property
     def mission(self) -> Mission:
@@ -109,9 +114,8 @@ class FlightCase:
     def reconstruct_with(self, effects: Sequence[EffectInstance]) -> FlightCase:
         """The same flight reconstructed with other effects in the model; its files are not read again."""
         r = self.reconstruction
-        return flight_case(
-            reconstruct(r.mission, effects, leave_one_out=False, recover=False, inputs=r.inputs, compare_imus=False)
-        )
+        other = reconstruct(r.mission, effects, leave_one_out=False, recover=False, inputs=r.inputs, compare_imus=False)
+        return replace(flight_case(other), outliers=self.outliers)
 
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """Model and measurements with the given effects; the noise of unresolved motion does not depend on them."""
@@ -174,7 +178,8 @@ class FlightCase:
 
     def _inputs(self, problem: Problem, telemetry: Telemetry, effects: Sequence[EffectInstance]) -> ModelInputs:
         model = self.forward_model.with_effects(model_effects(effects))
-        return ModelInputs(problem, model, telemetry.driving, telemetry.checking)
+        compared = tuple(c for c in problem.constraints if (c.name, c.time) not in self.outliers)
+        return ModelInputs(replace(problem, constraints=compared), model, telemetry.driving, telemetry.checking)
 
 
 def load_case(mission: Mission, effects: Sequence[EffectInstance] | None = None) -> FlightCase:
@@ -221,4 +226,20 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             inertia=vehicle.inertia_sigma,
         ),
         constants=stated_parameters(mission, r.telemetry),
+        outliers=rejected_readings(r.filter_pass),
+    )
+
+
+def rejected_readings(filter_pass: FilterPass) -> frozenset[tuple[str, float]]:
+    """Name and time of the readings that the filter rejected while most of those of their instrument agree.
+
+    A minority of an instrument's readings that contradicts the majority is in error itself. A measurement of which
+    there are few contradicts the model, and so does an instrument most of whose readings are rejected: these are
+    compared.
+    """
+    uses = Counter(f.constraint.name for f in filter_pass.fused)
+    rejected = [f.constraint for f in filter_pass.fused if not f.accepted]
+    counts = Counter(c.name for c in rejected)
+    return frozenset(
+        (c.name, c.time) for c in rejected if uses[c.name] >= LEAST_READINGS and 2 * counts[c.name] < uses[c.name]
     )
