@@ -9,6 +9,7 @@ from scipy.linalg import cholesky, solve_triangular
 from edl_filter.estimation.small_matrices import (
     back_substitution,
     matrix_product,
+    regression_rows,
     solve_few,
     solve_from_right,
     symmetric_part,
@@ -99,3 +100,23 @@ def test_back_substitution_is_that_of_scipy(seed, n):
 def test_the_symmetric_part():
     matrix = np.arange(9.0).reshape(3, 3)
     np.testing.assert_array_equal(symmetric_part(matrix), 0.5 * (matrix + matrix.T))
+
+
+@given(seeds, st.integers(1, 20))
+def test_a_regression_has_rows_of_the_variables_that_differ(seed, n):
+    random = np.random.default_rng(seed)
+    covariance, matrix = positive(random, n), random.standard_normal((n, n))
+    same = random.random(n) < 0.5
+    matrix[same] = np.eye(n)[same]
+    cross = matrix @ covariance
+    cross[same] = covariance[same]
+    rows, index, valid = regression_rows(cross, covariance)
+    assert valid
+    np.testing.assert_array_equal(index, np.flatnonzero(~same))
+    np.testing.assert_allclose(rows, np.linalg.solve(covariance, cross.T).T[~same], rtol=1e-6, atol=1e-6)
+
+
+def test_a_regression_on_an_indefinite_covariance_is_not_valid():
+    rows, index, valid = regression_rows(np.eye(3), np.diag([1.0, 2.0, -1.0]))
+    assert not valid and rows.shape == (2, 3)
+    np.testing.assert_array_equal(index, [1, 2])

@@ -48,8 +48,8 @@ FLIGHTS = {name: (VEHICLES[i % 2], SEED) for i, name in enumerate(catalogue())} 
     "pitch_damping": ("mer", 2),
     "normal_force_scale": ("mer", 1),
 }
-#: Those that `make test` runs as well: among the quickest, of two families and both vehicles.
-REPRESENTATIVE = ("gyro_bias", "gravity_oblateness")
+#: Those that `make test` runs as well: among the quickest, of three families and both vehicles.
+REPRESENTATIVE = ("base_pressure", "density_scale", "gravity_oblateness")
 
 
 def hidden_effect(name, seed):

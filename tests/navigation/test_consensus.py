@@ -208,8 +208,12 @@ def test_the_transition_follows_from_the_covariances_also_with_an_indefinite_one
     rng = np.random.default_rng(3)
     axes, _ = np.linalg.qr(rng.normal(size=(4, 4)))
     covariance, matrix = axes @ np.diag([4.0, 2.0, 1.0, smallest]) @ axes.T, rng.normal(size=(4, 4))
-    transition = module._transition_matrix(covariance, covariance @ matrix.T)
-    np.testing.assert_allclose(transition, matrix, rtol=1e-9, atol=1e-9)
+    matrix[2] = np.eye(4)[2]  # a state that the step leaves as it is
+    cross = covariance @ matrix.T
+    cross[:, 2] = covariance[:, 2]
+    rows, index = module._transition_rows(covariance, cross)
+    np.testing.assert_array_equal(index, [0, 1, 3])
+    np.testing.assert_allclose(rows, matrix[index], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["ukf", "ekf"])

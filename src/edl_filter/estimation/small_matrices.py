@@ -274,3 +274,38 @@ def solve_from_right(cross, factor):
             for r in range(m):
                 x[j, r] -= entry * x[k, r]
     return x.T.copy()
+
+
+@COMPILED
+def regression_rows(cross, covariance):
+    """Rows of ``cross covariance⁻¹`` that are not those of the unit matrix.
+
+    The regression of n variables on n others, some of which are the same: their rows of both arguments are equal.
+
+    Parameters
+    ----------
+    cross : (n, n) array
+        Covariance of the variables with the others.
+    covariance : (n, n) array
+        Of the others.
+
+    Returns
+    -------
+    rows : (k, n) array
+        Of the variables that differ from the others.
+    index : (k,) array of int
+        Indices of these variables.
+    valid : bool
+        False: the covariance is not positive definite, and the rows are meaningless.
+    """
+    n, count = len(cross), 0
+    index = np.empty(n, np.int64)
+    for i in range(n):
+        if np.any(cross[i] != covariance[i]):
+            index[count] = i
+            count += 1
+    index = index[:count]
+    factor, valid = upper_cholesky(covariance, 1.0)
+    if not valid:
+        return np.zeros((count, n)), index, False
+    return solve_from_right(cross[index], factor), index, True

@@ -30,8 +30,8 @@ from numba import njit
 
 from edl_filter.estimation.small_matrices import (
     matrix_product,
+    regression_rows,
     solve_few,
-    solve_from_right,
     symmetric_part,
     upper_cholesky,
     weighted_mean,
@@ -356,11 +356,9 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
     gains = np.empty_like(cross_covariance)
     n = errors.shape[1]
     for k in range(len(nav) - 2, -1, -1):
-        factor, valid = upper_cholesky(predicted_covariance[k], 1.0)
+        gain, moving, valid = regression_rows(cross_covariance[k], predicted_covariance[k])
         if not valid:
             return nav, errors, covariance, gains, False
-        moving = _moving(cross_covariance[k], predicted_covariance[k])
-        gain = solve_from_right(cross_covariance[k][moving], factor)
         gains[k] = np.eye(n)
         gains[k][moving] = gain
         change = error_between(nav[k + 1], errors[k + 1], predicted_nav[k], predicted_errors[k], onboard)
@@ -374,18 +372,6 @@ def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_
         )
         nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
     return nav, errors, covariance, gains, True
-
-
-@COMPILED
-def _moving(cross_covariance, predicted_covariance):
-    """States whose smoother gain is not a row of the unit matrix: those that an interval or its noise changes."""
-    n, count = len(cross_covariance), 0
-    moving = np.empty(n, np.int64)
-    for i in range(n):
-        if np.any(cross_covariance[i] != predicted_covariance[i]):
-            moving[count] = i
-            count += 1
-    return moving[:count]
 
 
 @COMPILED

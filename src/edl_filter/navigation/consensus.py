@@ -31,11 +31,11 @@ from itertools import combinations
 import numpy as np
 from scipy.special import chdtri
 
-from edl_filter.estimation.small_matrices import solve_from_right, upper_cholesky
+from edl_filter.estimation.small_matrices import regression_rows
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.estimator import ErrorStateFilter
 from edl_filter.navigation.increments import Samples
-from edl_filter.types import Array, BoolArray
+from edl_filter.types import Array, BoolArray, IntArray
 
 #: Readings that are examined together, and the least number of them.
 WINDOW, LEAST_READINGS = 15, 5
@@ -131,8 +131,9 @@ def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Seq
         if stop > done:
             before = estimator.covariance.copy()
             transition = estimator.predict(samples.part(done, stop))
-            matrix = _transition_matrix(before, transition.cross_covariance)
-            crossed[:row], change, done = crossed[:row] @ matrix.T, matrix @ change, stop
+            transition_rows, moving = _transition_rows(before, transition.cross_covariance)
+            crossed[:row, moving], change[moving] = crossed[:row] @ transition_rows.T, transition_rows @ change
+            done = stop
         innovation = estimator.innovation(reading)
         jacobian = estimator.jacobian(innovation)
         np.matmul(jacobian, estimator.covariance, out=crossed[row:end])
@@ -148,12 +149,16 @@ def predict_jointly(estimator: ErrorStateFilter, samples: Samples, readings: Seq
     return JointPrediction(np.array(residuals), covariance + noise, noise, np.concatenate(sensitivities))
 
 
-def _transition_matrix(covariance: Array, cross_covariance: Array) -> Array:
-    """Regression ``(n, n)`` of the error after a step on that before it."""
-    factor, valid = upper_cholesky(covariance, 1.0)
-    if valid:
-        return np.asarray(solve_from_right(np.ascontiguousarray(cross_covariance.T), factor), np.float64)
-    return np.asarray(np.linalg.solve(covariance, cross_covariance), np.float64).T
+def _transition_rows(covariance: Array, cross_covariance: Array) -> tuple[Array, IntArray]:
+    """Transition matrix of a step, without the states that it leaves as they are: its rows (k, n) and their indices.
+
+    The regression of the error after the step on the error before it, from their covariances ``(n, n)``.
+    """
+    cross = np.ascontiguousarray(cross_covariance.T)
+    rows, index, valid = regression_rows(cross, covariance)
+    if not valid:
+        rows = np.linalg.solve(covariance, cross[index].T).T
+    return rows, index
 
 
 def find_consensus(prediction: JointPrediction, gate: float) -> Consensus:

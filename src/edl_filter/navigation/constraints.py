@@ -8,6 +8,7 @@ them from a state. `predict` works on many states at once: navigation states ``(
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -82,7 +83,7 @@ class _OneSigma:
     components: ClassVar[tuple[str, ...]]
     sigma: float
 
-    @property
+    @cached_property
     def noise(self) -> Array:
         """Independent components with one sigma."""
         return self.sigma**2 * np.eye(len(self.components))

@@ -14,6 +14,7 @@ from math import fsum
 
 import numpy as np
 
+from edl_filter.estimation.small_matrices import solve_few
 from edl_filter.navigation.consensus import LEAST_READINGS, WINDOW, find_consensus, predict_jointly, quantile
 from edl_filter.navigation.constraints import Constraint
 from edl_filter.navigation.estimator import ErrorStateFilter, Innovation
@@ -108,7 +109,7 @@ class Screening:
     def _doubtful(self, innovation: Innovation, name: str) -> bool:
         """Whether a reading must be examined together with those that follow."""
         dof, last = len(innovation.residual), self._last_nis[name]
-        relative = np.trace(np.linalg.solve(innovation.noise_covariance, innovation.predicted_covariance))
+        relative = np.trace(solve_few(innovation.noise_covariance, innovation.predicted_covariance))
         return bool(
             relative > dof
             or innovation.nis > quantile(self._gate, dof)
