@@ -24,6 +24,7 @@ def test_scattered_stamps_are_those_of_a_steady_clock(stamps):
     time, (finding,) = evened(stamps, INTERVAL, "a")
     assert finding.kind == "jitter"
     np.testing.assert_allclose(time, TIME, atol=0.02 * INTERVAL)
+    np.testing.assert_allclose(finding.clock_sigma, np.std(stamps - TIME), rtol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -222,6 +222,8 @@ class SampleFinding:
     limit : tuple of three floats, optional
         Of a saturated axis whose reading is the farthest from zero, or its counterpart on the other side of a symmetric
         range: this reading times the axis, m/s² or rad/s, body axes.
+    clock_sigma : float
+        One sigma by which all times that are used may be late or early after the repair, s.
     """
 
     imu: str
@@ -233,6 +235,7 @@ class SampleFinding:
     repair: str = ""
     interpolated: tuple[tuple[float, float], ...] = ()
     limit: tuple[float, float, float] | None = None
+    clock_sigma: float = 0.0
 
 
 #: Kinds of findings, with their names for people.

@@ -54,6 +54,8 @@ def evened(time: Array, interval: float, imu: str) -> tuple[Array, list[SampleFi
     time : (N,) array
         The same array where the stamps do not scatter, or more than stamps explain.
     findings : list of SampleFinding
+        The mean of the errors is not known: packets arrive late, and stamps may be rounded down. The root mean square
+        of the scatter is therefore one sigma of the clock.
     """
     if len(time) < _FEWEST or not np.isfinite(time).all() or np.any(np.diff(time) < 0.0):
         return time, []
@@ -72,8 +74,10 @@ def evened(time: Array, interval: float, imu: str) -> tuple[Array, list[SampleFi
             continue
         if float(np.mean(np.diff(error) ** 2)) < _LEAST_RATIO * square:
             continue
-        repair = f"stamps scatter by {1e3 * np.sqrt(square):.2g} ms about a steady clock, whose times are used"
-        finding = SampleFinding(imu, "all", float(time[0]) - interval, float(time[-1]), len(time), "jitter", repair)
+        scatter = float(np.sqrt(square))
+        repair = f"stamps scatter by {1e3 * scatter:.2g} ms about a steady clock, whose times are used"
+        start, end = float(time[0]) - interval, float(time[-1])
+        finding = SampleFinding(imu, "all", start, end, len(time), "jitter", repair, clock_sigma=scatter)
         return time.mean() + slope * centred, [finding]
     return time, []
 

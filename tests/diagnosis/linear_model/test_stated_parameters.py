@@ -27,6 +27,7 @@ from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import catalogue
 from edl_filter.estimation.kalman import whitening_filter
 from edl_filter.estimation.linear_state_space import with_known_states
+from edl_filter.telemetry.record import SampleFinding
 
 STATED = ("vehicle.centre_of_mass_sigma=[0.002, 0.0, 0.001]",)
 MACH, ALPHA = np.array([5.0, 10.0, 20.0]), np.array([0.0, 0.05, 0.1])
@@ -46,6 +47,13 @@ def test_what_a_mission_states_as_exact_is_no_parameter(practice_06):
     assert stated_by((), practice_06.telemetry) == {}
     exact = ("vehicle.centre_of_mass_sigma=[0.0, 0.0, 0.0]", "aerodynamics.coefficient_sigma=1.0")
     assert stated_by(exact, practice_06.telemetry) == {}
+
+
+@pytest.mark.parametrize(("name", "imu"), [("primary", None), ("secondary", "secondary")])
+def test_the_clock_of_an_imu_whose_stamps_scatter_is_uncertain_by_the_scatter(practice_06, name, imu):
+    finding = SampleFinding(name, "all", 0.0, 300.0, 2400, "jitter", clock_sigma=7e-3)
+    telemetry = replace(practice_06.telemetry, findings=(finding,))
+    assert stated_by((), telemetry) == {("imu_clock", imu): {"tau": 7e-3}}
 
 
 @pytest.mark.parametrize(

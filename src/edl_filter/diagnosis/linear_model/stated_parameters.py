@@ -4,7 +4,8 @@ Centre of mass, products of inertia, rolling moment and damping, place, alignmen
 over a flight and change the readings, the path or the loads as effects do. Each is therefore an effect with the
 mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch. 6):
 its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
-a constant state. What is stated without a sigma is exact and has no state.
+a constant state. What is stated without a sigma is exact and has no state, but for the clock of an IMU whose time stamps
+scatter (`telemetry.time_stamps.evened`).
 
 Increments that a mission takes from another flight belong to them. Their mean is added to the tables. What remains
 uncertain is a Gaussian field with the covariance of the file: its Karhunen–Loève modes have constant amplitudes of unit
@@ -134,6 +135,9 @@ def stated_parameters(mission: Mission, telemetry: Telemetry) -> tuple[StatedPar
         if imu_name is not None:  # alignment and clock are those against the driving IMU
             candidates.append((ImuAlignment(), imu_name, _by_axis("m", (imu.alignment_sigma,) * 3)))
             candidates.append((ImuClock(), imu_name, {"tau": imu.clock_sigma_s}))
+    for finding in telemetry.findings:
+        imu_name = None if finding.imu == telemetry.driving.name else finding.imu
+        candidates.append((ImuClock(), imu_name, {"tau": finding.clock_sigma}))
     stated = []
     for effect, imu_name, sigma in candidates:
         uncertain = {name: s for name, s in sigma.items() if s > 0.0}
