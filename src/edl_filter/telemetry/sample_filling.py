@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
@@ -50,6 +51,9 @@ _FULL = 2.0
 #: Fewest values from which the drag of the full canopy is extrapolated.
 _LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
+#: Samples of the running median of a difference between two IMUs, ratio of robust sigma to median absolute deviation,
+#: and the departure in robust sigmas of an outlier: of two sound IMUs one sample in 10^15.
+_MEDIAN, _MAD, _OUTLIER = 9, 1.4826, 8.0
 
 
 def filled(
@@ -204,9 +208,24 @@ def _remaining_difference(
     near = (middle > middle[a] - side) & (middle < middle[b - 1] + side)
     near &= finite_rows(difference) & _same_kind(record, a)
     same_part = near & _same_part(record, a, parachute)
-    rows = same_part if same_part.any() else near
+    rows = np.flatnonzero(same_part if same_part.any() else near)
+    noise = record.force_noise if triad == "force" else record.rate_noise
+    rows = rows[_near_median(difference[rows], noise[rows])]
     size = np.linalg.norm(getattr(source, triad), axis=1)
     return estimate_in_stretch(middle[rows], difference[rows], middle[a:b], [(size[rows], size[a:b])])
+
+
+def _near_median(values: Array, noise: Array) -> BoolArray:
+    """Rows (n,) of values (n, 3) that are no outliers; all where most of them are.
+
+    A stretch of bad samples may end with one that no test has marked, and one at its edge would determine the course
+    across it. The departure from the running median is compared with its robust sigma and the noise (n,).
+    """
+    if not len(values):
+        return np.zeros(0, bool)
+    departure = np.abs(values - median_filter(values, size=(_MEDIAN, 1), mode="nearest"))
+    sound = np.all(departure <= _OUTLIER * (_MAD * np.median(departure, axis=0) + noise[:, None]), axis=1)
+    return sound if 2 * np.count_nonzero(sound) > len(values) else np.ones(len(values), bool)
 
 
 def _transfer_sigma(scatter: Array, noise: Array, common: Array) -> Array:

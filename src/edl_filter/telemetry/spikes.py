@@ -37,8 +37,8 @@ _MAD = 1.4826
 _AT_FAULT, _NOT_AT_FAULT = 0.6, 0.2
 #: Least difference between two IMUs that counts, relative to the size of the signal around it.
 _RELATIVE = 0.02
-#: Largest number of samples of a burst, less than half of a neighbourhood, and the number of sound ones within it that
-#: may follow each other.
+#: Largest number of samples of a burst, less than half of a neighbourhood, and the number of samples within it, or
+#: between two spikes that another IMU shows and next to a run of those, that are not marked by themselves.
 _LONGEST_BURST, _SOUND_IN_BURST = 12, 2
 #: Percentile of the departures from the running median that is taken for their natural size, the multiple of it by
 #: which a burst departs, and by how much more: force (m/s²; the attitude thrusters of entry vehicles give less than 1)
@@ -103,7 +103,7 @@ def _one_pass(
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 kinds = {kind: bad & ~covered for kind, bad in kinds.items()}
-                kinds["spike"] |= parted & covered
+                kinds["spike"] |= _joined(parted & covered) & covered & finite_rows(values)
             kinds["burst"] &= ~kinds["spike"]
             bad = (kinds["spike"] | kinds["burst"]) & _readings(record, triad)
             if bad.any():
@@ -113,6 +113,20 @@ def _one_pass(
                 lost: dict[str, Any] = {attribute: np.where(bad[:, None], np.nan, getattr(records[i], attribute))}
                 records[i] = replace(records[i], **lost)
     return records, findings
+
+
+def _joined(bad: BoolArray) -> BoolArray:
+    """Bad samples (N,) with the few between two of them, and the few next to a run of more than `_SMOOTH`.
+
+    No test can show these, whose neighbours are bad, to be sound.
+    """
+    out = bad.copy()
+    for a, b in runs(~bad):
+        out[a:b] = a > 0 and b < len(bad) and b - a <= _SOUND_IN_BURST
+    for a, b in runs(out):
+        if b - a > _SMOOTH:
+            out[max(a - _SOUND_IN_BURST, 0) : b + _SOUND_IN_BURST] = True
+    return out
 
 
 def _readings(record: ImuRecord, triad: str) -> BoolArray:

@@ -4,8 +4,8 @@ Centre of mass, products of inertia, rolling moment and damping, place, alignmen
 over a flight and change the readings, the path or the loads as effects do. Each is therefore an effect with the
 mission's sigma as prior (a consider parameter: Tapley, Schutz and Born, Statistical Orbit Determination, 2004, ch. 6):
 its columns are those of `effect_jacobian`, its value belongs to the linearisation point, and it is marginalised as
-a constant state. What is stated without a sigma is exact and has no state, but for the clock of an IMU whose time stamps
-scatter (`telemetry.time_stamps.evened`).
+a constant state. What is stated without a sigma is exact and has no state. The clock of an IMU whose time stamps
+scatter has one too, with the sigma of `telemetry.time_stamps.evened`.
 
 Increments that a mission takes from another flight belong to them. Their mean is added to the tables. What remains
 uncertain is a Gaussian field with the covariance of the file: its Karhunen–Loève modes have constant amplitudes of unit
