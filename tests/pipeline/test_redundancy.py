@@ -133,7 +133,7 @@ def finding(triad, start, end, kind="disagreement"):
 
 
 def test_a_stretch_has_its_spikes_up_to_a_window_away_and_what_is_between():
-    stretches = {"force": [(100.0, 110.0), (140.0, np.inf)], "rate": [(100.0, 110.0), (113.0, 120.0)]}
+    stretches = {"force": [(100.0, 110.0), (140.0, np.inf)], "rate": [(100.0, 110.0), (113.0, 116.0)]}
     findings = [
         finding("force", 112.0, 113.0, "spike"),
         finding("force", 117.5, 118.0, "burst"),  # less than a window from the spike before it
@@ -142,8 +142,16 @@ def test_a_stretch_has_its_spikes_up_to_a_window_away_and_what_is_between():
         finding("rate", 90.0, 92.0, "spike"),
         finding("rate", 121.0, 124.0, "gap"),
     ]
-    expected = {"force": [(96.0, 118.0), (140.0, np.inf)], "rate": [(100.0, 120.0)]}
+    expected = {"force": [(96.0, 118.0), (140.0, np.inf)], "rate": [(100.0, 116.0)]}
     assert _with_adjacent_spikes(stretches, findings) == expected
+
+
+def test_a_stretch_of_one_triad_in_which_the_other_one_has_spikes_is_one_of_both():
+    stretches = {"rate": [(100.0, 110.0), (140.0, 150.0)]}
+    findings = [finding("force", 108.0, 109.0, "spike"), finding("force", 112.0, 113.0, "spike")]
+    expected = {"force": [(100.0, 113.0)], "rate": [(100.0, 110.0), (140.0, 150.0)]}
+    assert _with_adjacent_spikes(stretches, findings) == expected
+    assert _with_adjacent_spikes(stretches, findings[1:]) == stretches
 
 
 def test_a_fault_that_begins_in_both_triads_ends_with_the_later_one():

@@ -24,8 +24,9 @@ import numpy as np
 from edl_filter.errors import InputError
 from edl_filter.navigation.filter import FilterPass, Problem
 from edl_filter.navigation.recovery import LEAST_GAIN, contradiction, log_likelihood
-from edl_filter.telemetry.disagreement import WINDOW, independent_error
+from edl_filter.telemetry.disagreement import TRIADS, WINDOW, independent_error
 from edl_filter.telemetry.record import SampleFinding, Telemetry
+from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
 from edl_filter.telemetry.sample_checks import CheckSettings
 from edl_filter.telemetry.sample_repair import UNDECIDED, without_samples
 from edl_filter.telemetry.transfer import log_prior_of_rate_errors
@@ -175,7 +176,10 @@ class _Hypothesis:
 def _best(
     first: Run, name: str, hypotheses: list[Stretches], run: Callable[[Telemetry], Run], checks: Checks
 ) -> _Hypothesis | None:
-    """The likeliest run with samples of an IMU lost after which the IMUs agree; None if there is none."""
+    """The likeliest run with samples of an IMU lost after which the IMUs agree; None if there is none.
+
+    A few remaining samples cannot be compared and are not shown to agree.
+    """
     attempts = []
     for lost in hypotheses:
         try:
@@ -183,8 +187,10 @@ def _best(
                 attempt = run(_with_samples_lost(first, name, lost, checks))
         except (InputError, np.linalg.LinAlgError, FloatingPointError):  # no flight, or too much of it is lost
             continue
-        if not undecided(attempt.telemetry):
-            records = attempt.telemetry.driving, attempt.telemetry.checking[0]
+        records = attempt.telemetry.driving, attempt.telemetry.checking[0]
+        remaining = next(r for r in records if r.name == name)
+        count = np.count_nonzero(~remaining.filled & (remaining.time <= checks.parachute))
+        if not undecided(attempt.telemetry) and not 0 < count < FEWEST_SAMPLES:
             prior = log_prior_of_rate_errors(*records, checks.parachute - _MARGIN)
             attempts.append(_Hypothesis(attempt, attempt.log_likelihood + prior))
     return _likeliest(attempts) if attempts else None
@@ -235,17 +241,23 @@ def _with_adjacent_spikes(stretches: Stretches, findings: Sequence[SampleFinding
 
     A fault that is no constant error ends somewhere in the last window, in which it is found sample by sample. Samples
     between those are too few for a window, and a neighbour that is lost leaves no parity: they are not known to agree.
+    Nor are those of the other triad, if it has spikes within the stretch.
     """
     out: dict[str, list[tuple[float, float]]] = {}
-    for triad, own in stretches.items():
+    for triad in TRIADS:
         spikes = [(f.start, f.end) for f in findings if f.channel == triad and f.kind in ("spike", "burst")]
+        own = list(stretches.get(triad, ()))
+        others = [stretch for name, of_triad in stretches.items() if name != triad for stretch in of_triad]
+        own += [(a, b) for a, b in others if any(a < end and start < b for start, end in spikes)]
         merged: list[tuple[float, float]] = []
         for start, end in sorted([*own, *spikes]):
             if merged and start < merged[-1][1] + WINDOW:
                 before = merged.pop()
                 start, end = before[0], max(end, before[1])
             merged.append((start, end))
-        out[triad] = [(a, b) for a, b in merged if any(a <= start and end <= b for start, end in own)]
+        lost = [(a, b) for a, b in merged if any(a <= start and end <= b for start, end in own)]
+        if lost:
+            out[triad] = lost
     return out
 
 
