@@ -14,6 +14,7 @@ from edl_filter.pipeline.load import read_telemetry
 from edl_filter.telemetry import spikes
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_filling import filled
 from edl_filter.telemetry.sample_repair import repaired, without_samples
 
 FORCE, RATE = "specific_force", "angular_rate"
@@ -488,3 +489,44 @@ def test_an_imu_at_fault_loses_the_axes_that_it_reads_too(builtin_flight):
     lost = {"rate": [(100.0, 102.5)]}
     outcome = without_samples(replace(telemetry, driving=driving), "primary", lost, parachute=252.75).driving
     assert not outcome.partial_rate[800:820].any() and outcome.partial_rate[820:840, 1, 0].all()
+
+
+@pytest.mark.parametrize(("before", "size", "marked"), [(3, 50.0, True), (2, 50.0, False), (3, 20.0, False)])
+def test_an_imu_with_several_spikes_has_them_under_the_parachute_too(before, size, marked, corrupted):
+    """The only IMU; of the size of those before the parachute, which cannot be told from shocks otherwise."""
+    rows = [*(FIRST + 60 * np.arange(before)), 2120, 2180]
+
+    def change(data):
+        data[FORCE][rows[:before], 1] += 50.0
+        data[FORCE][rows[before:], 2] += size
+
+    telemetry = repaired(alone(corrupted(change)), parachute=252.75)
+    assert {f.kind for f in telemetry.findings} == {"spike"}
+    expected = rows if marked else rows[:before]
+    np.testing.assert_array_equal(np.flatnonzero(telemetry.driving.filled), expected)
+
+
+def test_samples_whose_neighbours_are_bad_are_not_shown_to_be_sound():
+    """One or two between two bad samples, and two next to a run of more than five."""
+    bad = np.zeros(60, bool)
+    bad[[5, 8, 20, 24]] = True
+    bad[[40, 41, 43, 45, 46]] = True
+    expected = bad.copy()
+    expected[[6, 7]] = True
+    expected[38:49] = True
+    np.testing.assert_array_equal(spikes._joined(bad), expected)
+
+
+@pytest.mark.parametrize("place", [-1, 0])
+def test_an_outlier_next_to_a_stretch_does_not_determine_what_fills_it(place, builtin_flight):
+    """A second IMU has the stretch; the sample before or after it is wrong by a hundred sigmas and is not marked."""
+    telemetry = read_flight_file(builtin_flight)
+    record, lost = telemetry.driving, slice(FIRST, FIRST + 40)
+    errors = []
+    for size in (0.0, 3.5e-3):
+        rate = record.angular_rate.copy()
+        rate[lost] = np.nan
+        rate[FIRST - 1 if place else FIRST + 40, 1] += size
+        complete, _ = filled(replace(record, angular_rate=rate), telemetry.checking[0], CheckSettings(), 252.75)
+        errors.append(complete.angular_rate[lost] - record.angular_rate[lost])
+    assert np.abs(errors[1] - errors[0]).max() < 2e-5  # one sigma of a sample

@@ -49,6 +49,9 @@ _NATURAL, _BURST_RATIO, _LEAST_BURST, _JUMP = 80.0, 5.0, {"force": 2.0, "rate": 
 #: that begins or ends leaves half of its force. On the rovers and ten other flights, with gaps of 1 to 8 samples at
 #: 18 000 places, departures of more than 15 sigmas are at most 0.28 m/s² and 0.013 rad/s.
 _NEAR, _REPETITIONS, _LEAST_SHARE = 4, 4, 0.5
+#: Spikes in smooth motion from which an IMU has them in other motion too, and their least size there over the median
+#: of those.
+_SEVERAL, _SIMILAR = 3, 0.5
 #: Known samples beyond which one does not affect the prediction of another.
 _REACH = 4
 _TRIADS = {"force": "specific_force", "rate": "angular_rate"}
@@ -92,7 +95,8 @@ def _one_pass(
         for triad, attribute in _TRIADS.items():
             values = getattr(record, attribute)
             noise = record.force_noise if triad == "force" else record.rate_noise
-            kinds = {"spike": _single_spikes(values, noise, settings.spike_sigmas) & (record.time <= smooth_until)}
+            single = _single_spikes(values, noise, settings.spike_sigmas)
+            kinds = {"spike": _in_smooth_motion(single, values, record.time <= smooth_until)}
             kinds["burst"] = np.zeros(len(record), bool)
             if np.isfinite(smooth_until):
                 rows, least = record.time <= smooth_until, _LEAST_BURST[triad]
@@ -176,6 +180,19 @@ def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
         remaining = np.max(np.abs(interpolation_error(without)) / scale[i], axis=1)
         bad[i] = np.all(remaining[max(0, j - 4) : j + 5] < max(5.0, 0.05 * ratio[i]))
     return bad
+
+
+def _in_smooth_motion(spikes: BoolArray, values: Array, smooth: BoolArray) -> BoolArray:
+    """Spikes (N,) while the motion is `smooth` (N,), and all of their size if there are several.
+
+    A parachute may shake the vehicle for the time of one sample. An IMU with spikes before it has them under it too, of
+    a similar size.
+    """
+    within = spikes & smooth
+    if np.count_nonzero(within) < _SEVERAL:
+        return within
+    size = np.linalg.norm(interpolation_error(np.where(finite_rows(values)[:, None], values, 0.0)), axis=1)
+    return within | (spikes & (size >= _SIMILAR * np.median(size[within])))
 
 
 def _spikes_near_lost(values: Array, noise: Array, sigmas: float, least: float) -> BoolArray:
