@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edl_filter.estimation.series import finite_rows, interpolate_columns, moving_mean, runs
+from edl_filter.estimation.series import finite_rows, interpolate_columns, moving_mean, near_running_median, runs
 
 
 def test_a_row_is_finite_where_all_its_numbers_are():
@@ -53,3 +53,27 @@ def test_columns_are_interpolated_one_by_one_and_held_at_the_edges():
     )
     np.testing.assert_array_equal(interpolate_columns(2.0, knots, values), [3.0, 7.0])
     assert interpolate_columns(np.zeros((4, 5)), knots, values).shape == (4, 5, 2)
+
+
+def test_rows_far_from_their_running_median_are_outliers():
+    """By a loop over rows and columns; the value before the first row and after the last one is that row's."""
+    rng = np.random.default_rng(1)
+    values = np.linspace(0.0, 3.0, 40)[:, None] + 0.01 * rng.standard_normal((40, 2))
+    values[[0, 17, 39], [0, 1, 0]] += [0.5, -0.5, 0.5]
+    noise = np.full(40, 0.002)
+    departure = np.empty((40, 2))
+    for i in range(40):
+        for k in range(2):
+            departure[i, k] = abs(
+                values[i, k] - np.median([values[min(max(j, 0), 39), k] for j in range(i - 4, i + 5)])
+            )
+    limit = [6.0 * (1.4826 * np.median(departure[:, k]) + 0.002) for k in range(2)]
+    expected = [all(departure[i, k] <= limit[k] for k in range(2)) for i in range(40)]
+    np.testing.assert_array_equal(near_running_median(values, noise, 9, 6.0), expected)
+    np.testing.assert_array_equal(np.flatnonzero(~np.array(expected)), [0, 17, 39])
+
+
+def test_values_most_of_which_are_far_from_their_median_have_no_outliers():
+    values = np.random.default_rng(2).standard_normal((50, 3))
+    assert near_running_median(values, np.full(50, 1e-6), 9, 0.1).all()
+    assert near_running_median(np.zeros((0, 3)), np.zeros(0), 9, 8.0).shape == (0,)

@@ -1,11 +1,15 @@
-"""Series of samples: finite rows, runs of a condition, moving means, linear interpolation of columns."""
+"""Series of samples: finite rows, runs of a condition, moving means, outliers, linear interpolation of columns."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import median_filter
 
 from edl_filter.types import Array, BoolArray, IntArray
+
+#: Standard deviation of a normal distribution over its median absolute deviation.
+ROBUST_SIGMA = 1.4826
 
 
 def finite_rows(values: Array) -> BoolArray:
@@ -38,6 +42,32 @@ def moving_mean(values: Array, reach: int | IntArray) -> Array:
     index = np.arange(len(values))
     first, last = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(values))
     return np.asarray((total[last] - total[first]) / (last - first)[:, None], np.float64)
+
+
+def near_running_median(values: Array, noise: Array, size: int, sigmas: float) -> BoolArray:
+    """Rows that are no outliers: all columns near their running median; all rows where most are not.
+
+    Parameters
+    ----------
+    values : (N, m) array
+        In any unit.
+    noise : (N,) array
+        Least scale of the departures, in the same unit. Their robust sigma is added.
+    size : int
+        Rows of the running median.
+    sigmas : float
+        Departure of an outlier, in scales.
+
+    Returns
+    -------
+    (N,) boolean array
+    """
+    if not len(values):
+        return np.zeros(0, bool)
+    departure = np.abs(values - median_filter(values, size=(size, 1), mode="nearest"))
+    scale = ROBUST_SIGMA * np.median(departure, axis=0) + noise[:, None]
+    near = np.all(departure <= sigmas * scale, axis=1)
+    return near if 2 * np.count_nonzero(near) > len(near) else np.ones(len(near), bool)
 
 
 def interpolate_columns(time: ArrayLike, knots: Array, values: Array) -> Array:

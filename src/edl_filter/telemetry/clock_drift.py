@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from edl_filter.estimation.series import finite_rows
+from edl_filter.estimation.series import ROBUST_SIGMA, finite_rows
 from edl_filter.imu_model.lever_arm import mean_derivative
 from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
@@ -182,7 +182,7 @@ def _agreement(record: ImuRecord, reference: ImuRecord, end: float) -> _Agreemen
     for _ in range(_PASSES):
         constant = _least_squares(design[kept][:, :, :-1], difference[kept])[0]
         residual = np.linalg.norm(difference - design[:, :, :-1] @ constant, axis=1)
-        kept = residual <= _OUTLIER * 1.4826 * np.median(residual)
+        kept = residual <= _OUTLIER * ROBUST_SIGMA * np.median(residual)
     scatter = float(np.sqrt(np.mean(residual[kept] ** 2) / 3.0))
     values, sigma = _least_squares(design[kept], difference[kept])
     return _Agreement(scatter, float(values[-2]), float(sigma[-2]), float(values[-1]), float(sigma[-1]))

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.errors import InputError
+from edl_filter.estimation.series import ROBUST_SIGMA
 from edl_filter.types import Array, IntArray
 
 #: Length of an increment of MER's LN-200S, s (400 Hz).
@@ -115,7 +116,7 @@ def _is_corrected(values: Array, interval: Array, i: int, number: float) -> bool
     excess = np.abs(excess_increments(corrected, interval[around]))
     if not np.isfinite(excess[near]):
         return False
-    scatter = 1.4826 * float(np.nanmedian(excess))
+    scatter = ROBUST_SIGMA * float(np.nanmedian(excess))
     neighbours = excess[max(0, near - _REACH) : near + _REACH + 1]
     return scatter < _LARGEST_SCATTER and bool(np.all(neighbours[np.isfinite(neighbours)] < _LARGEST_DISTANCE))
 

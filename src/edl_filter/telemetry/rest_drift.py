@@ -22,6 +22,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from edl_filter import rotations
+from edl_filter.estimation.series import ROBUST_SIGMA
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, SampleFinding, Telemetry
 from edl_filter.types import Array
 
@@ -129,7 +130,7 @@ def drift_at_rest(records: Sequence[ImuRecord], start: float) -> RestDrift | Non
 
 def _noise_variance(force: Array) -> Array:
     """Variance of white noise ``(3,)`` from the differences of neighbouring samples, by their median."""
-    return (1.4826 * np.median(np.abs(np.diff(force, axis=0)), axis=0)) ** 2 / 2.0
+    return (ROBUST_SIGMA * np.median(np.abs(np.diff(force, axis=0)), axis=0)) ** 2 / 2.0
 
 
 def with_rest_drift(telemetry: Telemetry) -> Telemetry:

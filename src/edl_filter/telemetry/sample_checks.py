@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import pdtrc
 
-from edl_filter.estimation.series import finite_rows, runs
+from edl_filter.estimation.series import ROBUST_SIGMA, finite_rows, runs
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -296,7 +296,7 @@ def stuck_runs(values: Array, probability: float) -> list[tuple[int, int]]:
         if len(nearby) < 16:
             continue
         quantum = np.diff(np.unique(nearby))
-        spread = 1.4826 * float(np.median(np.abs(np.diff(nearby)))) if len(nearby) > 1 else 0.0
+        spread = ROBUST_SIGMA * float(np.median(np.abs(np.diff(nearby)))) if len(nearby) > 1 else 0.0
         if quantum.min(initial=np.inf) > 0.5 * spread:
             continue
         stuck.append((a - 1, b))

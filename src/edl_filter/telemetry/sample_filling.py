@@ -20,12 +20,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from edl_filter.errors import InputError
 from edl_filter.estimation.autoregression import Interpolation, interpolate
 from edl_filter.estimation.gauss_markov import estimate_in_stretch
-from edl_filter.estimation.series import finite_rows, runs
+from edl_filter.estimation.series import finite_rows, near_running_median, runs
 from edl_filter.telemetry.partial_readings import given_readings, keep_read_axes, lost_axis
 from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.sample_checks import CheckSettings
@@ -51,9 +50,8 @@ _FULL = 2.0
 #: Fewest values from which the drag of the full canopy is extrapolated.
 _LEAST_VALUES = 8
 _TRIADS = ("force", "rate")
-#: Samples of the running median of a difference between two IMUs, ratio of robust sigma to median absolute deviation,
-#: and the departure in robust sigmas of an outlier: of two sound IMUs one sample in 10^15.
-_MEDIAN, _MAD, _OUTLIER = 9, 1.4826, 8.0
+#: Samples of the running median of a difference between two IMUs, and the departure in sigmas of an outlier.
+_MEDIAN, _OUTLIER = 9, 8.0
 
 
 def filled(
@@ -199,7 +197,8 @@ def _remaining_difference(
 
     The calibration of the two IMUs is one of constant errors. What it leaves varies slowly, by itself or in proportion
     to the reading, and is interpolated from both sides: on the rovers 0.04 m/s² along the axis, since the
-    accelerometers are not both linear.
+    accelerometers are not both linear. A stretch of bad samples may end with one that no test has marked: it would
+    determine the course across the stretch, so that outliers are left out.
     """
     own = record.specific_force if triad == "force" else record.angular_rate
     difference = own - getattr(source, triad)
@@ -210,22 +209,9 @@ def _remaining_difference(
     same_part = near & _same_part(record, a, parachute)
     rows = np.flatnonzero(same_part if same_part.any() else near)
     noise = record.force_noise if triad == "force" else record.rate_noise
-    rows = rows[_near_median(difference[rows], noise[rows])]
+    rows = rows[near_running_median(difference[rows], noise[rows], _MEDIAN, _OUTLIER)]
     size = np.linalg.norm(getattr(source, triad), axis=1)
     return estimate_in_stretch(middle[rows], difference[rows], middle[a:b], [(size[rows], size[a:b])])
-
-
-def _near_median(values: Array, noise: Array) -> BoolArray:
-    """Rows (n,) of values (n, 3) that are no outliers; all where most of them are.
-
-    A stretch of bad samples may end with one that no test has marked, and one at its edge would determine the course
-    across it. The departure from the running median is compared with its robust sigma and the noise (n,).
-    """
-    if not len(values):
-        return np.zeros(0, bool)
-    departure = np.abs(values - median_filter(values, size=(_MEDIAN, 1), mode="nearest"))
-    sound = np.all(departure <= _OUTLIER * (_MAD * np.median(departure, axis=0) + noise[:, None]), axis=1)
-    return sound if 2 * np.count_nonzero(sound) > len(values) else np.ones(len(values), bool)
 
 
 def _transfer_sigma(scatter: Array, noise: Array, common: Array) -> Array:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter, percentile_filter
 
-from edl_filter.estimation.series import finite_rows, runs
+from edl_filter.estimation.series import ROBUST_SIGMA, finite_rows, runs
 from edl_filter.telemetry.record import ImuRecord, SampleFinding
 from edl_filter.telemetry.resampling import samples_less_often
 from edl_filter.telemetry.sample_checks import CheckSettings, findings_of, interpolation_error
@@ -31,8 +31,6 @@ _NEIGHBOURHOOD, _SCALE = 25, 81
 _SMOOTH = 5
 #: Passes: bad samples of the first one falsify the calibration of one IMU against the other.
 _PASSES = 2
-#: Ratio of robust sigma to median absolute deviation.
-_MAD = 1.4826
 #: Share of a difference by which the IMU at fault leaves its neighbours, and by which the other one does not.
 _AT_FAULT, _NOT_AT_FAULT = 0.6, 0.2
 #: Least difference between two IMUs that counts, relative to the size of the signal around it.
@@ -148,7 +146,7 @@ def _disagreement(own: Array, transferred_values: Array, noise: Array, sigmas: f
     rows = np.flatnonzero(known)
     d, a, b = difference[rows], own[rows], transferred_values[rows]
     departure = d - _median(d, _SCALE)
-    scale = _MAD * _median(np.abs(departure), _SCALE) + noise[rows, None]
+    scale = ROBUST_SIGMA * _median(np.abs(departure), _SCALE) + noise[rows, None]
     size = np.linalg.norm(_median(a, _NEIGHBOURHOOD), axis=1)[:, None]
     large = (np.abs(departure) > sigmas * scale) & (np.abs(departure) > _RELATIVE * size)
     length = np.linalg.norm(departure, axis=1)
@@ -167,7 +165,7 @@ def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
     finite = finite_rows(values)
     filled = np.where(finite[:, None], values, 0.0)
     error = interpolation_error(filled)
-    scale = _MAD * _median(np.abs(error), _SCALE) + noise[:, None]  # a quantised signal may repeat one value
+    scale = ROBUST_SIGMA * _median(np.abs(error), _SCALE) + noise[:, None]  # a quantised signal may repeat one value
     ratio = np.max(np.abs(error) / scale, axis=1)
     near = np.convolve(~finite, np.ones(9), mode="same") > 0.5
     for i in np.flatnonzero((ratio > sigmas) & ~near).tolist():
@@ -256,7 +254,7 @@ def _scale_of_stencil(values: Array, known: BoolArray, place: int, stencil: IntA
     if len(around) < reach // 2:
         return np.full(3, np.inf)
     error = values[around] - np.einsum("j,ijk->ik", weight, values[around[:, None] + stencil])
-    return np.asarray(_MAD * np.median(np.abs(error), axis=0))
+    return np.asarray(ROBUST_SIGMA * np.median(np.abs(error), axis=0))
 
 
 def _bursts(values: Array, least: float) -> BoolArray:

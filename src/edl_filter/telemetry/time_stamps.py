@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from edl_filter.estimation.series import ROBUST_SIGMA
 from edl_filter.telemetry.record import SampleFinding
 from edl_filter.telemetry.sample_checks import GAP_STEPS
 from edl_filter.types import Array, BoolArray
@@ -239,7 +240,7 @@ def _tolerance(time: Array, fraction: Array, step: float) -> float:
 
     Stamps scatter by themselves, and those that are rounded to a decimal place by its unit.
     """
-    scatter = 1.4826 * float(np.median(np.abs(fraction)))
+    scatter = ROBUST_SIGMA * float(np.median(np.abs(fraction)))
     for exponent in range(-1, -7, -1):
         unit = 10.0**exponent
         if unit <= _COARSEST * step and np.all(np.abs(time / unit - np.round(time / unit)) < 1e-4):
