@@ -64,7 +64,8 @@ def near_running_median(values: Array, noise: Array, size: int, sigmas: float) -
     """
     if not len(values):
         return np.zeros(0, bool)
-    departure = np.abs(values - median_filter(values, size=(size, 1), mode="nearest"))
+    # mirrored at the ends, where an outlier is once in the window then
+    departure = np.abs(values - median_filter(values, size=(size, 1), mode="mirror"))
     scale = ROBUST_SIGMA * np.median(departure, axis=0) + noise[:, None]
     near = np.all(departure <= sigmas * scale, axis=1)
     return near if 2 * np.count_nonzero(near) > len(near) else np.ones(len(near), bool)
