@@ -74,6 +74,8 @@ def test_the_other_limit_of_a_symmetric_range_is_one_too():
     np.testing.assert_array_equal(np.isnan(out[:, 1]), np.abs(readings[:, 1]) == 3.0)
     asymmetric = readings.copy()
     asymmetric[:, 1] = np.maximum(asymmetric[:, 1], -2.9)
+    assert {f.limit for f in checked(asymmetric)[1]} == {(0.0, 3.0, 0.0), (0.0, -2.9, 0.0)}  # in several samples
+    asymmetric[:, 1] = np.where(asymmetric[:, 1] == -2.9, -2.8, asymmetric[:, 1])  # within the other values
     assert {f.limit for f in checked(asymmetric)[1]} == {(0.0, 3.0, 0.0)}
 
 
@@ -95,6 +97,20 @@ def test_peaks_at_the_limits_of_a_range_are_saturated_however_short(step, count)
     else:
         assert {(f.channel, f.kind) for f in findings} == {("rate y", "saturated")}
         np.testing.assert_array_equal(np.isnan(out[:, 4]), at_limit)
+
+
+@pytest.mark.parametrize(("low", "expected"), [(-1.0, [-1.0, 1.0]), (-2.0, [1.0])])
+def test_an_extreme_in_several_runs_is_a_limit_where_nothing_else_recurs(low, expected):
+    """An oscillation of 60 samples that is beyond the range for up to 12 of them, on both sides or on one."""
+    rate = 1.2 * np.sin(2.0 * np.pi * np.arange(3000) / 60.3) + 1e-3 * np.random.default_rng(3).standard_normal(3000)
+    readings = np.random.default_rng(2).standard_normal((3000, 6))
+    readings[:, 4] = np.clip(rate, low, 1.0)
+    assert _repeated_extremes(readings[:, 4], 1e-6) == expected
+    out, findings = checked(readings)
+    assert {(f.channel, f.kind) for f in findings} == {("rate y", "saturated")}
+    np.testing.assert_array_equal(np.isnan(out[:, 4]), np.isin(readings[:, 4], expected))
+    readings[:, 4] = np.where(rate > 1.0, np.nan, rate)  # without the samples beyond the range nothing recurs
+    assert _repeated_extremes(readings[:, 4], 1e-6) == []
 
 
 @given(

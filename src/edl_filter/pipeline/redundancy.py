@@ -28,16 +28,15 @@ from edl_filter.telemetry.disagreement import TRIADS, WINDOW, independent_error
 from edl_filter.telemetry.record import SampleFinding, Telemetry
 from edl_filter.telemetry.relative_calibration import FEWEST_SAMPLES
 from edl_filter.telemetry.sample_checks import CheckSettings
-from edl_filter.telemetry.sample_repair import UNDECIDED, without_samples
+from edl_filter.telemetry.sample_repair import LEAST_READ, UNDECIDED, without_samples
 from edl_filter.telemetry.transfer import log_prior_of_rate_errors
 
 #: Log likelihood of the measurements by which the hypotheses of one IMU must be better, nats. What an IMU reads at rest
 #: has a NIS with six degrees of freedom, and the half of it a standard deviation of √3: that of two IMUs differs by √6,
 #: and this is five times as much.
 DECISIVE = 12.0
-#: Share of the samples before the parachute without which an IMU does not drive, and what the other one may lack at the
-#: end of the flight, s.
-_MOST, _COVER = 0.5, 1.0
+#: What an IMU that drives in place of another may lack at the end of the flight, s.
+_COVER = 1.0
 #: Time before the parachute up to which IMUs are compared, s: the mortar's recoil. A disagreement lasts to the end of
 #: the comparison where it ends by less than this before the parachute, s.
 _MARGIN = 1.0
@@ -269,7 +268,7 @@ def _with_samples_lost(first: Run, name: str, lost: Stretches, checks: Checks) -
     before = driving.time <= checks.parachute
     filled = np.any([np.any(s > 0.0, axis=1) for s in (driving.force_fill_sigma, driving.rate_fill_sigma)], axis=0)
     covers = repaired.checking[0].time[-1] > driving.time[-1] - _COVER
-    if name != driving.name or not checks.exchange or not covers or np.mean(filled[before]) < _MOST:
+    if name != driving.name or not checks.exchange or not covers or np.mean(~filled[before]) > LEAST_READ:
         return repaired
     return replace(repaired, driving=repaired.checking[0], checking=(driving, *repaired.checking[1:]))
 

@@ -38,6 +38,8 @@ _QUANTA = 10
 _PEAK = 4.4
 #: Decimals, of the largest value, to which two readings are equal, and most samples of a peak at a limit.
 _DIGITS, _LONGEST_PEAK = 9, 3
+#: Share of the values of an axis that may recur without quantisation, and runs at an extreme from which it is a limit.
+_FEW_RECUR, _SEVERAL_RUNS = 0.01, 3
 #: Part of its stated noise that an axis shows which is no simulation without noise.
 _SHOWN = 0.3
 #: Triads and axes of the readings' columns.
@@ -199,19 +201,29 @@ def _dead_axes(readings: Array, noise: tuple[float, float]) -> list[int]:
 
 
 def _repeated_extremes(values: Array, probability: float) -> list[float]:
-    """Lowest and highest value of an axis (N,) where they are the limits of a symmetric range, else nothing.
+    """Lowest and highest value of an axis (N,) as far as they are limits of its range.
 
-    An axis that is saturated in single samples, at the peaks of an oscillation, has no run of equal values, but its
-    limits more often than values near them. Without saturation, the number of samples that have the extreme exactly is
-    Poisson distributed, at most with `_PEAK` times the mean number of the next `_QUANTA` steps of the quantisation,
-    since the density of a sine is greatest at its extreme, or, where the next `_QUANTA` values recur m times, with
-    2 m - 1: an oscillation without noise has both extremes once in a period and other values twice, or the reverse. The
-    probability of each side must be less than the root of the given one. Longer runs are judged by `stuck_runs`.
+    An axis that is saturated in single samples, at the peaks of an oscillation, may have no long run of equal values,
+    but its limits more often than values near them. Where hardly any other value recurs, as without quantisation, an
+    extreme in several runs is a limit, and so is that of the other side of a symmetric range. Else both extremes of a
+    symmetric range are compared with their neighbours: without saturation, the number of samples that have the extreme
+    exactly is Poisson distributed, at most with `_PEAK` times the mean number of the next `_QUANTA` steps of the
+    quantisation, since the density of a sine is greatest at its extreme, or, where the next `_QUANTA` values recur m
+    times, with 2 m - 1: an oscillation without noise has both extremes once in a period and other values twice, or the
+    reverse. The probability of each side must be less than the root of the given one. Longer runs are judged by
+    `stuck_runs`.
     """
     finite = values[np.isfinite(values)]
     rounded = np.round(finite / np.abs(finite).max(), _DIGITS) if finite.any() else finite  # recur to rounding
     different, counts = np.unique(rounded, return_counts=True)
-    if len(different) <= 2 * _QUANTA or abs(different[0] + different[-1]) > _SYMMETRIC * different[-1]:
+    if len(different) <= 2 * _QUANTA:
+        return []
+    sides = [finite.min(), finite.max()]
+    symmetric = abs(different[0] + different[-1]) <= _SYMMETRIC * different[-1]
+    if np.mean(counts[1:-1] > 1) < _FEW_RECUR:
+        limits = [_is_limit(rounded, ordered) for ordered in (different, different[::-1])]
+        return [float(v) for v, limit in zip(sides, limits, strict=True) if limit or (symmetric and any(limits))]
+    if not symmetric:
         return []
     quantum = float(np.diff(different).min())
     for order in (slice(None), slice(None, None, -1)):
@@ -221,7 +233,18 @@ def _repeated_extremes(values: Array, probability: float) -> list[float]:
         longest = max(b - a for a, b in runs(rounded == different[order][0]))
         if longest > _LONGEST_PEAK or pdtrc(count[0] - 1, expected) >= np.sqrt(probability):
             return []
-    return [float(finite.min()), float(finite.max())]
+    return [float(v) for v in sides]
+
+
+def _is_limit(values: Array, ordered: Array) -> bool:
+    """Whether the first of the `ordered` different values, an extreme of values (N,) that hardly recur, is a limit.
+
+    It has several runs, short ones, and is not farther from the next values than these are from each other.
+    """
+    lengths = [b - a for a, b in runs(values == ordered[0])]
+    distance = np.abs(ordered[: _QUANTA + 2] - ordered[0])
+    near = distance[1] <= distance[-1] - distance[1]
+    return len(lengths) >= _SEVERAL_RUNS and max(lengths) <= _REPEAT_REACH // 4 and bool(near)
 
 
 def _limits(value: float, nearby: Array, values: Array) -> list[tuple[float, bool]]:

@@ -44,6 +44,8 @@ from edl_filter.telemetry.sample_filling import (
 from edl_filter.telemetry.spikes import bad_triads
 from edl_filter.types import Array
 
+#: Share of the samples before the parachute without which an IMU does not drive.
+LEAST_READ = 0.5
 #: An IMU is dead where it ends by more than this before another one, s.
 _DEAD = 1.0
 #: Repair of a disagreement of which no other measurement has shown the IMU at fault (`pipeline.redundancy`).
@@ -86,7 +88,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
     if settings.enabled:
         records, drifts = without_drift(records, parachute - PARACHUTE_MARGIN)
         findings += drifts
-        records, findings = _driven_by_the_better(records, findings)
+        records, findings = _driven_by_the_better(records, findings, parachute)
     begun = [_begun(record, telemetry.initial, len(records) > 1) for record in records]
     records, findings = [record for record, _ in begun], [*findings, *(f for _, late in begun for f in late)]
     if len(records) > 1:
@@ -255,14 +257,19 @@ def _long_losses(imu: str, findings: list[SampleFinding], settings: CheckSetting
 
 
 def _driven_by_the_better(
-    records: list[ImuRecord], findings: list[SampleFinding]
+    records: list[ImuRecord], findings: list[SampleFinding], parachute: float
 ) -> tuple[list[ImuRecord], list[SampleFinding]]:
     """Records with the first sound one in front, if the driving one is not; it must cover its time.
 
-    One with coarse steps is not sound, nor one of which a triad has no complete sample, since an axis is dead.
+    One with coarse steps is not sound, nor one of which a triad has lost most samples before the parachute, since an
+    axis is dead or saturated: so few do not determine the errors of the other IMU against it.
     """
-    worse = {f.imu for f in findings if f.kind == "coarse"}
-    worse |= {r.name for r in records if not all(finite_rows(getattr(r, key)).any() for key in TRIADS.values())}
+    lost = {
+        r.name
+        for r in records
+        if any(np.mean(finite_rows(getattr(r, key))[r.time <= parachute]) < LEAST_READ for key in TRIADS.values())
+    }
+    worse = {f.imu for f in findings if f.kind == "coarse"} | lost
     if records[0].name not in worse:
         return records, findings
     end, interval = records[0].time[-1], float(np.median(records[0].interval))
@@ -271,7 +278,8 @@ def _driven_by_the_better(
             drives = f"{record.name} drives the reconstruction"
             findings = [
                 with_repair(f, f"{f.repair}; {drives}" if f.repair else drives)
-                if f.imu == records[0].name and (f.kind == "coarse" or f.end - f.start > end - records[0].start - _DEAD)
+                if f.imu == records[0].name
+                and (f.kind in ("coarse", "saturated") or f.end - f.start > end - records[0].start - _DEAD)
                 else f
                 for f in findings
             ]
