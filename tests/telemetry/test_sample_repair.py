@@ -372,6 +372,30 @@ def test_an_axis_that_is_dead_throughout_lets_the_other_imu_drive(key, axis, val
         repaired(alone(corrupted(dead)), parachute=252.75)
 
 
+@pytest.mark.parametrize(("share", "name"), [(0.5, "secondary"), (0.98, "primary")])
+def test_an_imu_that_is_saturated_most_of_the_time_does_not_drive(share, name, corrupted, builtin_flight):
+    """The few readings that it has would not determine the errors of the other IMU against it."""
+
+    def limited(data):
+        limit = share * np.abs(data[RATE][data["time"] < 250.0, 0]).max()
+        data[RATE][:, 0] = np.clip(data[RATE][:, 0], -limit, limit)
+
+    telemetry = repaired(corrupted(limited), parachute=252.75)
+    assert telemetry.driving.name == name
+    repairs = {f.repair for f in telemetry.findings if f.kind == "saturated"}
+    assert repairs == {"secondary drives the reconstruction" if name == "secondary" else "filled from secondary"}
+    truth = next(
+        r
+        for r in (read_flight_file(builtin_flight).driving, *read_flight_file(builtin_flight).checking)
+        if r.name == name
+    )
+    error, sigma = telemetry.driving.angular_rate - truth.angular_rate, telemetry.driving.rate_fill_sigma
+    filled_rows = sigma.max(axis=1) > 0.0
+    np.testing.assert_array_equal(error[~filled_rows], 0.0)
+    if filled_rows.any():
+        assert np.sqrt(np.mean((error[filled_rows] / np.hypot(sigma, 2e-5)[filled_rows]) ** 2)) < 1.5
+
+
 def test_detection_can_be_switched_off(corrupted):
     settings = CheckSettings(enabled=False)
     assert repaired(corrupted(FAULTS["stuck"][0], settings), settings, 252.75).findings == ()
