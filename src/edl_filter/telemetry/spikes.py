@@ -122,12 +122,18 @@ def _joined(bad: BoolArray) -> BoolArray:
 
     No test can show these, whose neighbours are bad, to be sound.
     """
-    out = bad.copy()
-    for a, b in runs(~bad):
-        out[a:b] = a > 0 and b < len(bad) and b - a <= _SOUND_IN_BURST
+    out = _closed(bad)
     for a, b in runs(out):
         if b - a > _SMOOTH:
             out[max(a - _SOUND_IN_BURST, 0) : b + _SOUND_IN_BURST] = True
+    return _closed(out)
+
+
+def _closed(bad: BoolArray) -> BoolArray:
+    """Bad samples (N,) with those in gaps of at most `_SOUND_IN_BURST` between two of them."""
+    out = bad.copy()
+    for a, b in runs(~bad):
+        out[a:b] = a > 0 and b < len(bad) and b - a <= _SOUND_IN_BURST
     return out
 
 
