@@ -4,7 +4,8 @@ Each fault is put into a simulated flight at a random time, or over the whole fl
 as ``edl-filter run`` does it. The answer is right where position and velocity at the parachute's deployment are within
 the ellipsoid that holds 99.73 % (three sigmas), against the simulator's truth. An outcome that is wrong is silent if
 the result counts as trustworthy and nothing names the fault. Any exception but a refusal, and any RuntimeWarning, is a
-crash. ``python faults.py -o faults.jsonl`` goes on where it stopped.
+crash. ``python faults.py -o faults.jsonl`` goes on where it stopped. With ``--diagnose`` the flights, in which no
+effect is hidden, are diagnosed too (half a minute each).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -25,6 +26,9 @@ from scipy.stats import chi2
 from study_lines import append_missing, read_lines, study_parser
 
 from edl_filter import Mission
+from edl_filter.diagnosis.diagnosis import diagnose
+from edl_filter.diagnosis.linear_model.flight_case import load_case
+from edl_filter.effects.registry import catalogue
 from edl_filter.errors import InputError
 from edl_filter.pipeline.reconstruct import FlightInputs, Reconstruction, reconstruct
 from edl_filter.pipeline.trust import checked_telemetry, judge
@@ -397,12 +401,12 @@ def offset_for(key: str, offset: float, axis: int, count: int) -> Fault:
     return change
 
 
-def limited_rates(share: float) -> Fault:
-    """Each gyro is limited to a share of its largest rate before the parachute, on both sides of zero."""
+def limited(key: str, share: float) -> Fault:
+    """Each sensor is limited to a share of its largest reading before the parachute, on both sides of zero."""
 
     def change(data: Samples, i: int, _: np.random.Generator) -> None:
-        limit = share * np.abs(data[RATE][data["time"] < 250.0]).max(axis=0)
-        data[RATE] = np.clip(data[RATE], -limit, limit)
+        limit = share * np.abs(data[key][data["time"] < 250.0]).max(axis=0)
+        data[key] = np.clip(data[key], -limit, limit)
 
     return change
 
@@ -688,7 +692,7 @@ FAULTS: dict[str, FileFault] = {
     "sign of a rate for 24 samples": imu(scaled_for(RATE, -1.0, 1, 24), "primary"),
     "force offset for 8 samples": imu(offset_for(FORCE, 1.0, 2, 8), "primary"),
     "rate offset for 8 samples": imu(offset_for(RATE, 0.05, 1, 8), "primary"),
-    "limited rates": imu(limited_rates(0.6), "primary"),
+    "limited rates": imu(limited(RATE, 0.6), "primary"),
     "force axis 0 throughout": imu(always(FORCE, 2, 0.0), "primary"),
     "rate axis 0 throughout": imu(always(RATE, 1, 0.0), "primary"),
     "rate axis at its first value": imu(always(RATE, 0, None), "primary"),
@@ -700,6 +704,10 @@ FAULTS: dict[str, FileFault] = {
     "10 stamps wrong by 0.4 samples": imu(wrong_stamps(10, 0.4), "primary"),
     "forces early by a sample": imu(shifted(FORCE, -1), "primary"),
     "rates late by a sample": imu(shifted(RATE, 1), "primary"),
+    "noise of 300 sigmas for 5 s": imu(noisy(300.0, 5.0), "primary"),
+    "noise of 50 sigmas for 30 s": imu(noisy(50.0, 30.0), "primary"),
+    "limited forces": imu(limited(FORCE, 0.8), "primary"),
+    "both: limited rates": imu(limited(RATE, 0.8), "primary", "secondary"),
 }
 
 
@@ -725,8 +733,8 @@ def outcome(reconstruction: Reconstruction, truth: Any) -> dict[str, Any]:
     }
 
 
-def flown(scenario: Scenario, seed: int, name: str, imus: int) -> dict[str, Any]:
-    """Simulate a flight, put a fault into it and reconstruct it."""
+def flown(scenario: Scenario, seed: int, name: str, imus: int, diagnosed: bool = False) -> dict[str, Any]:
+    """Simulate a flight, put a fault into it, reconstruct it and, if asked for, diagnose it."""
     flight = simulate(scenario, seed=seed)
     rng = np.random.default_rng([seed, list(FAULTS).index(name)])
     begin = time.perf_counter()
@@ -741,6 +749,9 @@ def flown(scenario: Scenario, seed: int, name: str, imus: int) -> dict[str, Any]
             mission = Mission.load(scenario.mission, [f"telemetry.path={path}"])
             inputs = FlightInputs(checked) if (checked := checked_telemetry(mission)) else None
             row = outcome(reconstruct(mission, leave_one_out=False, inputs=inputs), flight.motion)
+            if diagnosed:
+                decided = diagnose(load_case(mission, ()), catalogue().values()).verdict
+                row["diagnosis"] = {"verdict": decided.verdict, "sentence": decided.sentence}
         except InputError as error:
             row = {"refused": str(error).replace(str(path), "FLIGHT")}
         except Exception:  # the study reports every crash
@@ -772,14 +783,21 @@ def report(rows: list[dict[str, Any]]) -> None:
         named = sum(bool(r.get("findings")) or "refused" in r for r in members)
         ratio = np.median([np.sqrt(r["square"] / 6.0) for r in members if "square" in r] or [np.nan])
         listed = ", ".join(f"{k} {v}" for k, v in counts.items() if v)
-        print(f"{imus} IMU {fault:<20} {len(members):3d}: {listed}; named {named}; median error {ratio:.2f} sigmas")
+        line = f"{imus} IMU {fault:<20} {len(members):3d}: {listed}; named {named}; median error {ratio:.2f} sigmas"
+        diagnoses = Counter(r["diagnosis"]["verdict"] for r in members if "diagnosis" in r)
+        print("; ".join([line, *(f"diagnosis {kind} {count}" for kind, count in sorted(diagnoses.items()))]))
 
 
-def line_of(case: tuple[str, int, str, int]) -> dict[str, Any]:
+def line_of(case: tuple[str, int, str, int], diagnosed: bool = False) -> dict[str, Any]:
     """Line of a scenario, seed, fault and number of IMUs."""
     name, seed, fault, imus = case
     row = {"scenario": name, "seed": seed, "fault": fault, "imus": imus}
-    return row | flown(Scenario.load(f"builtin:{name}"), seed, fault, imus)
+    return row | flown(Scenario.load(f"builtin:{name}"), seed, fault, imus, diagnosed)
+
+
+def diagnosed_line_of(case: tuple[str, int, str, int]) -> dict[str, Any]:
+    """The same with the diagnosis."""
+    return line_of(case, diagnosed=True)
 
 
 def case_of(row: dict[str, Any]) -> tuple[str, int, str, int]:
@@ -795,11 +813,12 @@ def main() -> None:
     parser.add_argument("--faults", nargs="*", default=list(FAULTS))
     parser.add_argument("--imus", type=int, nargs="*", default=[2])
     parser.add_argument("--scenarios", nargs="*", default=["mer", "phoenix"])
+    parser.add_argument("--diagnose", action="store_true", help="diagnose the flights")
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     every = product(arguments.scenarios, seeds, arguments.faults, arguments.imus)
     cases = [case for case in every if case[3] == 2 or "second: " not in case[2]]
-    append_missing(cases, line_of, case_of, arguments)
+    append_missing(cases, diagnosed_line_of if arguments.diagnose else line_of, case_of, arguments)
     report(read_lines(arguments.output))
 
 

@@ -92,7 +92,7 @@ def test_peaks_at_the_limits_of_a_range_are_saturated_however_short(step, count)
         readings[:, 4] = step * np.round(readings[:, 4] / step)
     out, findings = checked(readings)
     at_limit = np.abs(readings[:, 4]) == np.abs(readings[:, 4]).max()
-    if count == 2:  # too few: other values may recur as often
+    if count == 2 and step == 1e-3:  # too few: other values may recur as often
         assert findings == []
     else:
         assert {(f.channel, f.kind) for f in findings} == {("rate y", "saturated")}

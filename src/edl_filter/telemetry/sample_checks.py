@@ -204,14 +204,14 @@ def _repeated_extremes(values: Array, probability: float) -> list[float]:
     """Lowest and highest value of an axis (N,) as far as they are limits of its range.
 
     An axis that is saturated in single samples, at the peaks of an oscillation, may have no long run of equal values,
-    but its limits more often than values near them. Where hardly any other value recurs, as without quantisation, an
-    extreme in several runs is a limit, and so is that of the other side of a symmetric range. Else both extremes of a
-    symmetric range are compared with their neighbours: without saturation, the number of samples that have the extreme
-    exactly is Poisson distributed, at most with `_PEAK` times the mean number of the next `_QUANTA` steps of the
-    quantisation, since the density of a sine is greatest at its extreme, or, where the next `_QUANTA` values recur m
-    times, with 2 m - 1: an oscillation without noise has both extremes once in a period and other values twice, or the
-    reverse. The probability of each side must be less than the root of the given one. Longer runs are judged by
-    `stuck_runs`.
+    but its limits more often than values near them. Where hardly any other value recurs, as without quantisation, both
+    extremes are limits if they recur and are opposite to the last digit. An extreme in several runs is one, too, if it
+    is near the other values, and so is that of the other side of a symmetric range. Else both extremes of a symmetric
+    range are compared with their neighbours: without saturation, the number of samples that have the extreme exactly is
+    Poisson distributed, at most with `_PEAK` times the mean number of the next `_QUANTA` steps of the quantisation,
+    since the density of a sine is greatest at its extreme, or, where the next `_QUANTA` values recur m times, with
+    2 m - 1: an oscillation without noise has both extremes once in a period and other values twice, or the reverse. The
+    probability of each side must be less than the root of the given one. Longer runs are judged by `stuck_runs`.
     """
     finite = values[np.isfinite(values)]
     rounded = np.round(finite / np.abs(finite).max(), _DIGITS) if finite.any() else finite  # recur to rounding
@@ -221,7 +221,14 @@ def _repeated_extremes(values: Array, probability: float) -> list[float]:
     sides = [finite.min(), finite.max()]
     symmetric = abs(different[0] + different[-1]) <= _SYMMETRIC * different[-1]
     if np.mean(counts[1:-1] > 1) < _FEW_RECUR:
-        limits = [_is_limit(rounded, ordered) for ordered in (different, different[::-1])]
+        lengths = [[b - a for a, b in runs(rounded == extreme)] for extreme in (different[0], different[-1])]
+        if max(map(max, lengths)) > _REPEAT_REACH // 4:
+            return []
+        opposite = different[0] == -different[-1] and min(map(sum, lengths)) > 1
+        limits = [
+            opposite or (len(n) >= _SEVERAL_RUNS and _is_near(ordered))
+            for n, ordered in zip(lengths, (different, different[::-1]), strict=True)
+        ]
         return [float(v) for v, limit in zip(sides, limits, strict=True) if limit or (symmetric and any(limits))]
     if not symmetric:
         return []
@@ -236,15 +243,10 @@ def _repeated_extremes(values: Array, probability: float) -> list[float]:
     return [float(v) for v in sides]
 
 
-def _is_limit(values: Array, ordered: Array) -> bool:
-    """Whether the first of the `ordered` different values, an extreme of values (N,) that hardly recur, is a limit.
-
-    It has several runs, short ones, and is not farther from the next values than these are from each other.
-    """
-    lengths = [b - a for a, b in runs(values == ordered[0])]
+def _is_near(ordered: Array) -> bool:
+    """Whether the first of several `ordered` values is no farther from the next ones than these are from each other."""
     distance = np.abs(ordered[: _QUANTA + 2] - ordered[0])
-    near = distance[1] <= distance[-1] - distance[1]
-    return len(lengths) >= _SEVERAL_RUNS and max(lengths) <= _REPEAT_REACH // 4 and bool(near)
+    return bool(distance[1] <= distance[-1] - distance[1])
 
 
 def _limits(value: float, nearby: Array, values: Array) -> list[tuple[float, bool]]:
