@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2
 from study_lines import read_lines
 
-FLIGHTS = 16
+FLIGHTS = 20
 
 
 def case(number):
@@ -25,7 +25,7 @@ def lines():
 
 
 def test_average_nees_is_not_above_its_interval(lines):
-    """At every phase, of position, velocity and attitude of all flights; a tenth of the sigmas fails it."""
+    """At every phase, of position, velocity and attitude of twenty flights; a tenth of the sigmas fails it."""
     dof = 3 * FLIGHTS
     high = chi2.isf(1e-5, dof) / dof
     for phase in study.PHASES:
