@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from edl_filter.telemetry.sample_checks import (
     CheckSettings,
     _repeated_extremes,
+    _repeated_rows,
     in_body_axes,
     interpolation_error,
     lost_readings,
@@ -111,6 +112,28 @@ def test_an_extreme_in_several_runs_is_a_limit_where_nothing_else_recurs(low, ex
     np.testing.assert_array_equal(np.isnan(out[:, 4]), np.isin(readings[:, 4], expected))
     readings[:, 4] = np.where(rate > 1.0, np.nan, rate)  # without the samples beyond the range nothing recurs
     assert _repeated_extremes(readings[:, 4], 1e-6) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "steps", "quantum", "marked"),
+    [
+        (400, 4, 0.0, True),
+        (40, 4, 0.0, True),
+        (400, 4, 0.5, False),  # a coarse quantisation
+        (400, 200, 0.0, False),  # nothing acts on the vehicle
+        (3000, 2, 0.0, False),  # each reading is held for two samples
+    ],
+)
+def test_held_readings_are_repeated_rows(rows, steps, quantum, marked):
+    readings = np.random.default_rng(2).standard_normal((3000, 6))
+    if quantum:
+        readings = quantum * np.round(readings / quantum)
+    place = 3000 - rows + np.arange(rows)
+    readings[place] = readings[3000 - rows + np.arange(rows) // steps * steps]
+    repeated = np.zeros(3000, bool)
+    repeated[place[np.arange(rows) % steps > 0]] = True
+    readings[:, 1] = 0.5 * np.round(readings[:, 1] / 0.5)  # one coarse channel says nothing of the others
+    np.testing.assert_array_equal(_repeated_rows(readings), repeated & marked)
 
 
 @given(

@@ -22,8 +22,8 @@ from edl_filter.types import Array, BoolArray, IntArray
 GAP_STEPS = 1.5
 #: Samples on each side from which the probability of a repetition is taken.
 _REPEAT_REACH = 256
-#: Share of rows that repeat another one from which repetition is a property of the data.
-_USUAL_REPETITION = 0.02
+#: Share of rows that repeat another one from which repetition may be a property of the data, and from which it is.
+_USUAL_REPETITION, _MOST_REPEATED = 0.02, 0.25
 #: Largest specific force (m/s²) and rate (rad/s) of a reading, and largest rotation within one sample (rad): larger
 #: values cannot be readings of a vehicle whose attitude is tracked.
 _HIGHEST_FORCE, _HIGHEST_RATE, MAX_ROTATION = 5e3, 50.0, 1.5
@@ -283,14 +283,25 @@ def _improbable_zeros(readings: Array, probability: float) -> BoolArray:
 
 
 def _repeated_rows(readings: Array) -> BoolArray:
-    """Rows (N,) that repeat an earlier row in all channels, where that is not usual in the data."""
+    """Rows (N,) that repeat an earlier row in all channels, where that is not usual in the data.
+
+    Few rows that do so are repetitions. More of them may be a property of the data: a coarse quantisation, a vehicle on
+    which nothing acts in a simulation without noise, or readings that are held between slower samples. They are none if
+    there is a channel in which hardly any value of the other rows recurs, and if all runs are short.
+    """
     finite = finite_rows(readings)
     out = np.zeros(len(readings), bool)
     if not finite.any():
         return out
     _, first, inverse = np.unique(readings[finite], axis=0, return_index=True, return_inverse=True)
     repeated = first[inverse.ravel()] != np.arange(int(finite.sum()))
-    if repeated.mean() <= _USUAL_REPETITION:
+    unusual = repeated.mean() <= _USUAL_REPETITION
+    if not unusual and repeated.mean() <= _MOST_REPEATED:
+        others = readings[finite][~repeated]
+        recurring = 1.0 - max(len(np.unique(channel)) for channel in others.T) / len(others)
+        longest = max(b - a for a, b in runs(repeated))
+        unusual = recurring < _FEW_RECUR and longest <= _REPEAT_REACH // 4
+    if unusual:
         out[finite] = repeated
     return out
 

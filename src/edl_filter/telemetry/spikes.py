@@ -75,8 +75,9 @@ def bad_triads(
     findings : list of SampleFinding
     """
     findings: list[SampleFinding] = []
+    as_read = list(records)
     for _ in range(_PASSES):
-        records, more = _one_pass(list(records), settings, smooth_until)
+        records, more = _one_pass(list(records), as_read, settings, smooth_until)
         findings += more
         if not more:
             break
@@ -84,8 +85,9 @@ def bad_triads(
 
 
 def _one_pass(
-    records: list[ImuRecord], settings: CheckSettings, smooth_until: float
+    records: list[ImuRecord], as_read: list[ImuRecord], settings: CheckSettings, smooth_until: float
 ) -> tuple[list[ImuRecord], list[SampleFinding]]:
+    """Records without the bad samples that one pass marks, and its findings; `as_read` is before the first pass."""
     originals, findings = list(records), []
     for i, record in enumerate(originals):
         second = next((r for k, r in enumerate(originals) if k != i and not samples_less_often(r, record)), None)
@@ -105,7 +107,9 @@ def _one_pass(
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
                 kinds = {kind: bad & ~covered for kind, bad in kinds.items()}
-                kinds["spike"] |= _joined(parted & covered) & covered & finite_rows(values)
+                known = finite_rows(values)
+                earlier = finite_rows(getattr(as_read[i], attribute)) & ~known
+                kinds["spike"] |= _closed(earlier | _joined(parted & covered)) & covered & known
             kinds["burst"] &= ~kinds["spike"]
             bad = (kinds["spike"] | kinds["burst"]) & _readings(record, triad)
             if bad.any():
