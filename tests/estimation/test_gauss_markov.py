@@ -64,7 +64,15 @@ def test_the_estimate_is_that_of_the_dense_gaussians(seed, first, length):
     np.testing.assert_allclose(variance, expected_variance * np.array([1.0, 4.0]), rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize(("sigma", "tau"), [(0.2, 8.0), (0.5, 8.0), (3.0, 8.0), (3.0, 60.0)])
+@pytest.mark.parametrize(
+    ("sigma", "tau"),
+    [
+        pytest.param(0.2, 8.0, marks=pytest.mark.slow),
+        (0.5, 8.0),
+        pytest.param(3.0, 8.0, marks=pytest.mark.slow),
+        (3.0, 60.0),
+    ],
+)
 def test_errors_of_the_mean_over_the_stretch_are_those_of_its_variance(sigma, tau):
     """Of the process in the mean over many draws; of readings, with the noise of their mean, in each draw too.
 

@@ -410,7 +410,9 @@ def sums(window, truth, fills):
     return error / np.sqrt([f.covariance.sum() for f in fills]), error
 
 
-@pytest.mark.parametrize("disturbances", [(), (0.2, 1e-5, 2e-4, -1e-4, 0.03, 0.1)])
+@pytest.mark.parametrize(
+    "disturbances", [pytest.param((), marks=pytest.mark.slow), (0.2, 1e-5, 2e-4, -1e-4, 0.03, 0.1)]
+)
 def test_a_stretch_of_several_oscillations_is_predicted_within_its_sigmas(disturbances):
     squares = []
     for seed in range(2):

@@ -33,7 +33,7 @@ def means_and_moment(x, middle):
     return cells.mean(axis=1), time @ cells[middle] / FINE
 
 
-@pytest.mark.parametrize("order", [0, 1, 2])
+@pytest.mark.parametrize("order", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)])
 def test_moment_covariance_is_that_of_a_simulated_process(order):
     """Variance, and covariances of two samples at distances of 1 and 2."""
     x = process(np.random.default_rng(order), order, 45, 20000)

@@ -55,7 +55,7 @@ def noise(size):
     ("at_fault", "changes", "end"),
     [
         pytest.param("primary", {RATE: lambda v: v * [1.0, -1.0, 1.0]}, np.inf, marks=pytest.mark.slow),
-        ("primary", {FORCE: lambda v: 1.01 * v}, np.inf),
+        pytest.param("primary", {FORCE: lambda v: 1.01 * v}, np.inf, marks=pytest.mark.slow),
         ("primary", {RATE: noise(1e-3)}, 130.0),
         ("secondary", {RATE: lambda v: v + np.array([0.0, 1e-3, 0.0])}, np.inf),
     ],
@@ -117,7 +117,7 @@ def test_an_imu_that_cannot_be_replaced_is_sound_only_if_the_flight_with_it_is_c
     assert _gain(None, contradicted) == _gain(contradicted, None) == _gain(None, None) == 0.0
 
 
-@pytest.mark.parametrize("name", ["primary", "secondary"])
+@pytest.mark.parametrize("name", ["primary", pytest.param("secondary", marks=pytest.mark.slow)])
 def test_all_samples_of_a_stretch_of_noise_are_replaced(name, flight):
     """Near its end too few of the noisy samples that no test of single samples marks are left for a window."""
     changes = {FORCE: noise(0.9), RATE: noise(6e-3)}

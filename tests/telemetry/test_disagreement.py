@@ -203,7 +203,7 @@ def test_the_imus_of_the_rovers_agree(rover):
 
 
 @pytest.mark.parametrize("rover", ["mer_a", "mer_b"])
-@pytest.mark.parametrize("at_fault", [0, 1])
+@pytest.mark.parametrize("at_fault", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_scale_that_changes_in_flight_is_no_misalignment(rover, at_fault):
     """A misalignment of 1 mrad, which the rovers state, gives 1e-3 of the axial force to the lateral axes only."""
     rovers = read_telemetry(Mission.load(f"builtin:{rover}"))

@@ -204,7 +204,10 @@ def about_another_initial_state(model, shift, deviates):
     return linearize_at(model.case, replace(model.point, start=start, deviation=deviation))
 
 
-@pytest.mark.parametrize("state", ["position", "velocity", "attitude"])
+@pytest.mark.parametrize(
+    "state",
+    [pytest.param("position", marks=pytest.mark.slow), pytest.param("velocity", marks=pytest.mark.slow), "attitude"],
+)
 def test_the_likelihood_does_not_depend_on_the_initial_state_of_the_path(models, state):
     """Where the flow is evaluated along the same path: the errors are measured from the dead-reckoned one.
 

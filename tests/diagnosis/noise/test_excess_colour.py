@@ -187,6 +187,7 @@ def test_without_excess_there_is_no_colour():
     assert most_likely_colour(0.0, model, index, zero, np.zeros(index.count), np.zeros(2), SETTINGS) is None
 
 
+@pytest.mark.slow
 def test_a_search_from_any_place_ends_at_the_same_colour(monkeypatch):
     """From the most likely places of a similar model it costs their neighbours only."""
     model, index = six_axes(count=120)
