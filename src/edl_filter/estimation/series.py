@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.ndimage import median_filter
 
 from edl_filter.types import Array, BoolArray, IntArray
 
@@ -62,6 +61,8 @@ def near_running_median(values: Array, noise: Array, size: int, sigmas: float) -
     -------
     (N,) boolean array
     """
+    from scipy.ndimage import median_filter  # imported on use: most importers of this module filter nothing
+
     if not len(values):
         return np.zeros(0, bool)
     # mirrored at the ends, where an outlier is once in the window then
