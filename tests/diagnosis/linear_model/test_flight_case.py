@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 
 from edl_filter.diagnosis.linear_model import flight_case as flight_case_module
-from edl_filter.diagnosis.linear_model.flight_case import flight_case, load_case, rejected_readings
+from edl_filter.diagnosis.linear_model.flight_case import (
+    flight_case,
+    load_case,
+    rejected_readings,
+    without_coarse_checking,
+)
 from edl_filter.effects.base import EffectInstance
 from edl_filter.effects.registry import find_effect
 from edl_filter.pipeline import reconstruct as reconstruct_module
+from edl_filter.telemetry.record import SampleFinding
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +136,21 @@ def test_outliers_are_not_compared_whatever_effects_the_model_has(case):
         assert [c.time for c in inputs.problem.constraints] == remaining
     assert without.reconstruct_with([effect]).outliers == without.outliers
     assert case.outliers == frozenset()
+
+
+def test_a_checking_imu_with_coarse_steps_is_compared_only_if_an_effect_acts_on_it(practice_06):
+    """The error of rounding is neither white nor constant, as the noise and the errors of a sensor are."""
+    assert without_coarse_checking(practice_06) is practice_06
+    driving, second = (r.name for r in (practice_06.telemetry.driving, *practice_06.telemetry.checking))
+
+    def with_coarse(imu, *effects):
+        coarse = SampleFinding(imu, "force", 0.0, 300.0, 2400, "coarse", "")
+        telemetry = replace(practice_06.telemetry, findings=(*practice_06.telemetry.findings, coarse))
+        return replace(practice_06, telemetry=telemetry, effects=effects)
+
+    assert [r.name for r in without_coarse_checking(with_coarse(driving)).telemetry.checking] == [second]
+    case = flight_case(with_coarse(second))
+    assert case.reconstruction.telemetry.checking == () and case.model_inputs(()).checking == ()
+    assert case.reconstruction.telemetry.driving is practice_06.telemetry.driving
+    bias = EffectInstance(find_effect("accelerometer_bias"), {"bx": 0.01}, imu=second)
+    assert [r.name for r in without_coarse_checking(with_coarse(second, bias)).telemetry.checking] == [second]

@@ -200,7 +200,7 @@ def load_case(mission: Mission, effects: Sequence[EffectInstance] | None = None)
 
 def flight_case(reconstruction: Reconstruction) -> FlightCase:
     """Prepare a reconstructed flight for diagnosis."""
-    r, mission = reconstruction, reconstruction.mission
+    r, mission = without_coarse_checking(reconstruction), reconstruction.mission
     settings, record, begin = mission.diagnosis, r.telemetry.driving, r.problem.initial.time
     edges = record.edges
     parachute = r.event_times.get("parachute_deploy", float(record.time[-1]))
@@ -228,6 +228,20 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
         constants=stated_parameters(mission, r.telemetry),
         outliers=rejected_readings(r.filter_pass),
     )
+
+
+def without_coarse_checking(reconstruction: Reconstruction) -> Reconstruction:
+    """The reconstruction without the checking IMUs whose readings have coarse steps, unless an effect acts on them.
+
+    The rounding error of a coarse step depends on the reading. It is neither white nor constant: the differences from
+    another IMU would be evidence for an error of a sensor.
+    """
+    t = reconstruction.telemetry
+    coarse = {f.imu for f in t.findings if f.kind == "coarse"} - {a.imu for a in reconstruction.effects}
+    compared = tuple(record for record in t.checking if record.name not in coarse)
+    if len(compared) == len(t.checking):
+        return reconstruction
+    return replace(reconstruction, telemetry=replace(t, checking=compared))
 
 
 def rejected_readings(filter_pass: FilterPass) -> frozenset[tuple[str, float]]:
