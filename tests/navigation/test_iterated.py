@@ -258,10 +258,11 @@ def linear_pass(offset=0.0, gate=0.999, **settings):
     return problem, first, next(i for i, f in enumerate(first.fused) if f.constraint is constraints[last])
 
 
-def with_decision(first, place, accepted, nis):
+def with_decision(first, place, accepted, nis, screened=False):
     """The pass with another decision on a constraint, at some normalised innovation squared."""
     use = first.fused[place]
-    changed = replace(use, accepted=accepted, weight=1.0, innovation=replace(use.innovation, nis=nis))
+    innovation = replace(use.innovation, nis=nis)
+    changed = replace(use, accepted=accepted, weight=1.0, innovation=innovation, screened=screened)
     return replace(first, fused=[*first.fused[:place], changed, *first.fused[place + 1 :]])
 
 
@@ -319,13 +320,15 @@ def test_the_gate_is_applied_again_to_what_it_rejected():
     assert_same_states(again, first)
 
 
-def test_a_reading_that_was_screened_stays_rejected():
-    """Its own innovation had passed the gate: it contradicted the other readings of its instrument."""
+@pytest.mark.parametrize("nis", [0.1, 25.0, 1e4])
+def test_a_reading_that_was_screened_stays_rejected(nis):
+    """It contradicted the other readings of its instrument, whether or not it had passed the gate."""
     problem, first, place = linear_pass()
     assert first.fused[place].innovation.nis < 16.0  # the gate for three components
-    again = repeated(problem, with_decision(first, place, accepted=False, nis=first.fused[place].innovation.nis))
+    again = repeated(problem, with_decision(first, place, accepted=False, nis=nis, screened=True))
+    again = repeated(problem, again)
     use = again.fused[place]
-    assert not use.accepted and use.weight == 1.0
+    assert use.screened and not use.accepted and use.weight == 1.0
     reduced = replace(problem, constraints=tuple(c for c in problem.constraints if c is not use.constraint))
     last = run_filter(reduced).nodes[-1]
     sigma = np.sqrt(np.diag(last.covariance))

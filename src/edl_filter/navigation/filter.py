@@ -143,6 +143,8 @@ class Fused:
         updated with it.
     weight : float
         By which its noise covariance was divided in a robust update; 1 otherwise.
+    screened : bool
+        Whether it contradicts the other readings of its instrument (`screening`), whatever its gate says.
     """
 
     constraint: Constraint
@@ -150,6 +152,7 @@ class Fused:
     innovation: Innovation
     accepted: bool
     weight: float = 1.0
+    screened: bool = False
 
     @property
     def noise_covariance(self) -> Array:
@@ -334,7 +337,8 @@ def run_filter_without(problem: Problem, filter_pass: FilterPass, name: str) -> 
         return run_filter(replace(problem, constraints=_without(problem.constraints, name)))
     nodes, fused = filter_pass.nodes[:first], [f for f in filter_pass.fused if f.node < first]
     later = tuple(c for c in problem.constraints if c.time > nodes[-1].time + SAME_EPOCH)
-    return _continue(problem, nodes[-1], _without(later, name), nodes, fused)
+    outliers = [f.constraint for f in filter_pass.fused if f.screened]
+    return _continue(problem, nodes[-1], _without(later, name), nodes, fused, outliers)
 
 
 def _without(constraints: tuple[Constraint, ...], name: str) -> tuple[Constraint, ...]:
@@ -342,16 +346,28 @@ def _without(constraints: tuple[Constraint, ...], name: str) -> tuple[Constraint
 
 
 def _continue(
-    problem: Problem, start: Node, constraints: tuple[Constraint, ...], nodes: list[Node], fused: list[Fused]
+    problem: Problem,
+    start: Node,
+    constraints: tuple[Constraint, ...],
+    nodes: list[Node],
+    fused: list[Fused],
+    outliers: Sequence[Constraint] = (),
 ) -> FilterPass:
-    """Run on from `start` through the remaining epochs; `nodes` and `fused` hold what was before."""
+    """Run on from `start` through the remaining epochs; `nodes` and `fused` hold what was before.
+
+    `outliers` are readings that the screening of another pass rejected.
+    """
     samples, settings, unit = problem.samples, problem.settings, start.unit
     estimator = new_filter(problem, start.state, start.covariance)
     nodes, fused, pending = list(nodes), list(fused), list(constraints)
     done = samples.index(start.time)
     epochs = problem.epochs if not nodes else problem.epochs[problem.epochs > start.time + SAME_EPOCH]
     screening = Screening(
-        samples, problem.constraints, settings.gate_probability, lambda at: new_filter(problem, at.state, at.covariance)
+        samples,
+        problem.constraints,
+        settings.gate_probability,
+        lambda at: new_filter(problem, at.state, at.covariance),
+        outliers,
     )
     transition: Transition | None = None
     for epoch in epochs:
@@ -368,7 +384,7 @@ def _continue(
             weight = measurement_weight(innovation, settings.robust) if accepted else 1.0
             if accepted:
                 estimator.update(constraint, weighted(innovation, weight))
-            fused.append(Fused(constraint, len(nodes), innovation, bool(accepted), weight))
+            fused.append(Fused(constraint, len(nodes), innovation, bool(accepted), weight, outlier))
         nodes.append(Node(float(epoch), unit, transition, estimator.state, estimator.covariance.copy()))
         if done < len(samples.time) and samples.unit[done] != unit:
             unit = int(samples.unit[done])

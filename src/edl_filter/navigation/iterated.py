@@ -196,14 +196,13 @@ def _update(
     residual = constraint.measured - predicted - jacobian @ error
     spread = symmetric_part(jacobian @ covariance @ jacobian.T)
     innovation = Innovation.of(residual, spread, constraint.noise, jacobian)
-    screened = not use.accepted and use.innovation.nis <= quantile(gate, len(use.innovation.residual))
-    accepted = not screened and innovation.nis <= quantile(gate, len(residual))
+    accepted = not use.screened and innovation.nis <= quantile(gate, len(residual))
     weight = measurement_weight(innovation, problem.settings.robust) if accepted else 1.0
     if accepted:
         noise = weighted(innovation, weight).noise_covariance
         gain, covariance = measurement_update(covariance, jacobian, noise)
         error = error + gain @ residual
-    return Fused(constraint, use.node, innovation, bool(accepted), weight), error, covariance
+    return Fused(constraint, use.node, innovation, bool(accepted), weight, use.screened), error, covariance
 
 
 def _same_decisions(first: FilterPass, second: FilterPass) -> bool:

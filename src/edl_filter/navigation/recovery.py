@@ -61,8 +61,8 @@ class Recovery:
     cause : str or None
         ``gap``, ``entry_state`` or ``process_noise``; None: no change removes the contradiction.
     size : float
-        Share of the variation, or factor of the sigmas of filled samples or of the entry state. Of a gap it is a factor
-        from 1 on, and a share up to 1 where the lost samples have no sigma of their own.
+        Factor of the sigmas of filled samples or of the entry state; for noise that is added, its share of the
+        variation.
     force_noise, rate_noise : float
         Noise that was added to the samples, root mean square of all axes, m/s² and rad/s; zero for the entry state.
     start, end : float
@@ -102,7 +102,10 @@ def first_pass(problem: Problem) -> FilterPass:
 
 
 def run_with_recovery(
-    problem: Problem, lost: Sequence[tuple[float, float]] = (), first: FilterPass | None = None
+    problem: Problem,
+    lost: Sequence[tuple[float, float]] = (),
+    first: FilterPass | None = None,
+    gap_only: bool = False,
 ) -> tuple[Problem, FilterPass, Recovery | None]:
     """Run the filter; if its state diverges, run it again with the covariance that its measurements require.
 
@@ -114,6 +117,8 @@ def run_with_recovery(
         Begin and end of the stretches whose samples were lost and filled, s.
     first : FilterPass, optional
         Of this problem (`first_pass`), where it was run already.
+    gap_only : bool
+        Test the lost samples as the only cause.
 
     Returns
     -------
@@ -128,7 +133,8 @@ def run_with_recovery(
     divergence = contradiction(first, 1 if lost else 2)
     if divergence is None or not first.converged:  # a contradiction is measured in a linear model
         return problem, first, None
-    only_gap = contradiction(first) is None  # one measurement is sufficient to test filled samples, and only these
+    # one measurement is sufficient to test filled samples, and only these
+    only_gap = gap_only or contradiction(first) is None
     stop = problem.samples.index(divergence.time)
     before = log_likelihood(problem, first)
     best: _Attempt | None = None

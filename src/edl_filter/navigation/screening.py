@@ -60,6 +60,8 @@ class Screening:
         Probability with which a good reading is within its gate; 1: nothing is screened.
     copy : callable
         Makes another filter with the state and covariance of the given one.
+    outliers : sequence of Constraint
+        Readings that are known to contradict the others.
     """
 
     def __init__(
@@ -68,13 +70,14 @@ class Screening:
         constraints: Sequence[Constraint],
         gate: float,
         copy: Callable[[ErrorStateFilter], ErrorStateFilter],
+        outliers: Sequence[Constraint] = (),
     ) -> None:
         self.divergence: Divergence | None = None
         self._samples, self._gate, self._copy = samples, gate, copy
         counts = Counter(c.name for c in constraints) if gate < 1.0 else Counter()
         self._last_nis = {name: deque[float](maxlen=WINDOW) for name, n in counts.items() if n >= LEAST_READINGS}
         self._examined: dict[str, float] = {}  # name → time of the last reading that was examined
-        self._outliers: set[tuple[str, float]] = set()
+        self._outliers = {(c.name, c.time) for c in outliers}
 
     def is_outlier(
         self,

@@ -22,7 +22,7 @@ from edl_filter.mission.estimation import LandingSiteConfig
 from edl_filter.mission.fields import FromTelemetryConfig
 from edl_filter.navigation import constraints as models
 from edl_filter.navigation.increments import Samples
-from edl_filter.pipeline.forward_model import body_of
+from edl_filter.pipeline.forward_model import body_before
 from edl_filter.pipeline.load import event_times
 from edl_filter.pipeline.parachute import parachute_deployment
 from edl_filter.planet import Planet, ellipsoid
@@ -75,7 +75,7 @@ def build_constraints(
     if c.parachute is not None:
         constraints.append(_parachute(mission, telemetry, samples, planet, atmosphere, initial, effects))
     if c.steady_descent is not None:
-        constraints.append(_steady_descent(mission, samples, planet, atmosphere, body_of(mission, effects).mass))
+        constraints.append(_steady_descent(mission, samples, planet, atmosphere, effects))
     if c.landing is not None and not (isinstance(c.landing, LandingSiteConfig) and not c.landing.use):
         constraints.append(_landing(mission, telemetry, planet))
     if c.rest is not None:
@@ -174,7 +174,11 @@ def _parachute(
 
 
 def _steady_descent(
-    mission: Mission, samples: Samples, planet: Planet, atmosphere: Atmosphere, mass_at_entry: float
+    mission: Mission,
+    samples: Samples,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    effects: Sequence[EffectInstance],
 ) -> models.SteadyDescent:
     """Terminal speed from the measured drag, ``m f = ρ V² C_D S / 2``, at whatever density the state's altitude has."""
     c, parachute = mission.constraints.steady_descent, mission.vehicle.parachute
@@ -182,9 +186,7 @@ def _steady_descent(
     part = window(samples, c.start_s, c.end_s, "steady_descent")
     drag = float(part.interval @ np.linalg.norm(part.mean_force, axis=1) / part.interval.sum())
     time = 0.5 * (c.start_s + c.end_s)
-    events = mission.event_times()
-    masses = [e.mass for n, e in mission.vehicle.events.items() if e.mass is not None and events[n] < time]
-    mass = masses[-1] if masses else mass_at_entry
+    mass = body_before(mission, time, effects).mass
     area = reference_area(parachute.area_diameter)
     return models.SteadyDescent(
         time=time,

@@ -124,6 +124,13 @@ def body_of(mission: Mission, effects: Sequence[EffectInstance] = ()) -> Body:
     return compose_body(body, effects)
 
 
+def body_before(mission: Mission, time: float, effects: Sequence[EffectInstance] = ()) -> Body:
+    """The vehicle just before a time (s since the epoch), with effects: as earlier events of the mission left it."""
+    entry = body_of(mission)
+    bodies = [entry, *(b for t, b in changed_bodies(entry, mission.vehicle_changes()) if t < time)]
+    return compose_body(bodies[-1], effects)
+
+
 def changed_bodies(body: Body, events: Iterable[tuple[float, VehicleChangeConfig]]) -> tuple[tuple[float, Body], ...]:
     """Bodies that events leave: from which time on, s since the epoch.
 

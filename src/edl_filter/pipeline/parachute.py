@@ -26,7 +26,8 @@ from edl_filter.navigation.parachute import (
     ParachuteDeployment,
 )
 from edl_filter.navigation.trajectory import propagate_state
-from edl_filter.pipeline.forward_model import body_of, database_of
+from edl_filter.pipeline.forward_model import body_before, database_of
+from edl_filter.pipeline.load import event_time_sigma
 from edl_filter.planet import Planet
 from edl_filter.planet.atmosphere import Atmosphere
 from edl_filter.telemetry.record import InitialState, Telemetry
@@ -140,8 +141,7 @@ def _axial_force(
     assert isinstance(stated, ParachuteDeploymentConfig) and stated.axial_force_window_s is not None
     assert mission.aerodynamics is not None
     window = stated.axial_force_window_s
-    event = mission.vehicle.events.get("parachute_deploy")
-    last = samples.index(time - (TIME_SIGMAS * event.sigma_s if event is not None else 0.0))
+    last = samples.index(time - TIME_SIGMAS * event_time_sigma(mission, telemetry, "parachute_deploy"))
     first = samples.index(time - window)
     if last - first < 2:
         raise InputError(
@@ -161,7 +161,7 @@ def _axial_force(
     errors = telemetry.driving.errors[int(part.unit[-1])]
     noise = float(np.sqrt(weights**2 @ part.force_noise[:, 0] ** 2))
     vehicle = mission.vehicle
-    force = body_of(mission, effects).mass * deceleration / vehicle.reference_area
+    force = body_before(mission, time, effects).mass * deceleration / vehicle.reference_area
     ca, ca_sigma = (float(value[0]) for value in model.axial_coefficient(flow))
     relative = (
         np.hypot(noise, errors.accelerometer_bias) / deceleration,

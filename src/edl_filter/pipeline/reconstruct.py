@@ -72,7 +72,7 @@ class Reconstruction:
     ----------
     mission : Mission
     telemetry : Telemetry
-        As read, with the effects in it.
+        As the filter used it: bad samples replaced and filled, the effects not removed.
     planet, atmosphere : Planet, Atmosphere
         As stated, without effects; the planet with the effects' gravity is the problem's.
     problem : Problem
@@ -96,7 +96,8 @@ class Reconstruction:
     recovery : Recovery or None
         What was added to `problem` since its state diverged from the measurements; None where it did not.
     inputs : FlightInputs or None
-        As they were read, for further reconstructions of the same flight.
+        For further reconstructions of the same flight, with other effects: the samples of an IMU at fault are replaced,
+        so that all of them have the same readings; samples that dynamics fill are not filled yet.
     """
 
     mission: Mission
@@ -284,16 +285,15 @@ def _reconstruct(
         if inputs is None:
             inputs = FlightInputs(read_telemetry(mission))
         telemetry, atmosphere = inputs.telemetry, inputs.atmosphere or read_atmosphere(mission)
-        inputs = FlightInputs(telemetry, atmosphere)
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
-        first = first_run(mission, telemetry, planet, atmosphere, active)
+        sound, first = _first_runs(mission, telemetry, planet, atmosphere, active)
         telemetry, problem, filter_pass = first.telemetry, first.problem, first.filter_pass
         corrected = without_effects(mission, telemetry, active)
         lost, recovery = lost_stretches(telemetry.driving), None
         if recover or lost:
-            problem, filter_pass, recovery = run_with_recovery(problem, lost, filter_pass)
+            problem, filter_pass, recovery = run_with_recovery(problem, lost, filter_pass, gap_only=not recover)
     with _timed(timing, "smoother"):
         smoothed = smooth(filter_pass)
         trajectory = smoothed_trajectory(problem, smoothed, filter_pass.layout)
@@ -327,7 +327,7 @@ def _reconstruct(
         timing=timing,
         effects=active,
         recovery=recovery,
-        inputs=inputs,
+        inputs=FlightInputs(sound.telemetry, atmosphere),
     )
 
 
@@ -357,6 +357,17 @@ def first_run(
         Its telemetry is the given one where the IMUs agree (`redundancy`) and no stretch is filled by rotational
         dynamics (`dynamics_filling`), which need aerodynamics and inertia.
     """
+    return _first_runs(mission, telemetry, planet, atmosphere, effects)[1]
+
+
+def _first_runs(
+    mission: Mission,
+    telemetry: Telemetry,
+    planet: Planet,
+    atmosphere: Atmosphere,
+    effects: Sequence[EffectInstance],
+) -> tuple[Run, Run]:
+    """The run with the samples of an IMU at fault replaced, and that with lost ones filled by dynamics in addition."""
 
     def run(changed: Telemetry) -> Run:
         problem = assemble(mission, changed, planet, atmosphere, effects)
@@ -366,10 +377,11 @@ def first_run(
     parachute = _deployment(mission, telemetry)
     result = arbitrated(run(telemetry), run, Checks(check_settings(mission), parachute, exchange))
     if mission.aerodynamics is None or mission.vehicle.inertia is None or not interpolated_stretches(result.telemetry):
-        return result
+        return result, result
     from edl_filter.pipeline.dynamics_filling import filled_by_dynamics  # few flights need it
 
-    return filled_by_dynamics(result, forward_model_of(mission, planet, atmosphere, effects), parachute, run)
+    model = forward_model_of(mission, planet, atmosphere, effects)
+    return result, filled_by_dynamics(result, model, parachute, run)
 
 
 def lost_stretches(record: ImuRecord) -> list[tuple[float, float]]:

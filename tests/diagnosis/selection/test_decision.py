@@ -238,13 +238,31 @@ def test_in_excess_noise_a_name_needs_evidence_beyond_it(ranking, at_floor):
     for e in verdict.entries:
         if min(e.hypothesis.gain, e.hypothesis.score_gain) < verdict.required_gain:
             assert e.probability <= verdict.something_else
+    ranking = replace(ranking, unmodelled_gain=min(ranking.unmodelled_gain, verdict.required_gain))
     changed = [
         hypothesis_of(h.name, h.gain, h.score_gain, at_floor=at_floor) for h in reversed(ranking.hypotheses)
     ]  # fmt: skip
-    again = decide(replace(ranking, hypotheses=changed))
+    verdict, again = decide(ranking), decide(replace(ranking, hypotheses=changed))
     assert (again.verdict, again.none, again.something_else) == pytest.approx(
         (verdict.verdict, verdict.none, verdict.something_else)
     )
+
+
+@pytest.mark.parametrize("contradiction", [{"noise": 1e6}, {"nuisance": 200.0}, {}])
+@pytest.mark.parametrize("beyond", [-8.0, 0.0, 8.0])
+def test_a_name_that_explains_all_needs_more_evidence_than_an_acceleration(contradiction, beyond):
+    """Both leave no excess variance: also where a stated sigma is contradicted, which both of them explain."""
+    settings = SETTINGS.model_copy(update={"approximation_error": 0.0})
+    ranking = ranking_of(hypothesis_of("wind", 100.0), unmodelled_gain=100.0 - beyond, **contradiction)
+    verdict = decide(replace(ranking, case=SimpleNamespace(settings=settings)))
+    assert verdict.entries[0].probability / verdict.something_else == pytest.approx(np.exp(beyond), rel=1e-6)
+
+
+def test_a_name_that_leaves_excess_noise_is_not_compared_with_an_acceleration_that_explains_all():
+    """The first of two missing effects explains less than a process that explains both."""
+    first = hypothesis_of("wind", 100.0, at_floor=False, explained_share=0.95)
+    assert decide(ranking_of(first, unmodelled_gain=300.0, noise=1e6)).verdict == "missing"
+    assert decide(ranking_of(replace(first, at_floor=True), unmodelled_gain=300.0, noise=1e6)).verdict == "unknown"
 
 
 @given(rankings(noise=(10.1, 1e5)), st.floats(0.0, SETTINGS.named_explained_share, exclude_max=True))
@@ -292,7 +310,7 @@ def test_a_nuisance_parameter_that_is_not_credible_excludes_that_nothing_is_miss
     assert decide(ranking_of(weak, nuisance=15.0)).verdict == "unknown"
     verdict = decide(ranking_of(named, weak, nuisance=15.0))
     assert (verdict.verdict, verdict.required_gain) == ("missing", SETTINGS.named_gain_nats)
-    assert decide(ranking_of(named, noise=15.0)).verdict == "unknown"  # beside noise of unknown form it needs more
+    assert decide(ranking_of(named, noise=15.0)).verdict == "unknown"  # in noise of unknown form it needs more
 
 
 @pytest.mark.parametrize("stated", ["noise", "nuisance"])
@@ -364,7 +382,7 @@ def test_an_acceleration_is_the_evidence_of_something_else_where_it_exceeds_a_ne
 ])  # fmt: skip
 def test_a_name_is_as_probable_as_something_else_at_its_gain(gains):
     """Else something else would be the most probable with a gain that is smaller than that of a name."""
-    gain = decide(ranking_of(**gains)).something_else_gain
+    gain = decide(ranking_of(hypothesis_of("wind", 1.0), **gains)).something_else_gain
     less, equal, more = (decide(ranking_of(hypothesis_of("wind", gain + d), **gains)) for d in (-1.0, 0.0, 1.0))
     assert equal.entries[0].probability == pytest.approx(equal.something_else, rel=1e-9)
     assert less.entries[0].probability < less.something_else and more.entries[0].probability > more.something_else
@@ -480,7 +498,8 @@ def test_probabilities_are_the_normalised_evidences():
 @pytest.mark.parametrize("unmodelled", [-4.0, 900.0])
 def test_in_excess_noise_no_effect_is_the_model_at_the_stated_noise(gain, unmodelled):
     """Its evidence is minus that for the noise beyond the prior cost of another noise, and for an acceleration."""
-    verdict = decide(ranking_of(hypothesis_of("wind", gain), unmodelled_gain=unmodelled, noise=NOISE + 11.0))
+    named = hypothesis_of("wind", gain, at_floor=False)
+    verdict = decide(ranking_of(named, unmodelled_gain=unmodelled, noise=NOISE + 11.0))
     weight = np.exp([-11.0 - max(unmodelled - COST_IN_NOISE, 0.0), 0.0, gain - COST_IN_NOISE])
     expected = (1.0 - ERROR) * weight / weight.sum() + ERROR / 3.0
     actual = [verdict.none, verdict.something_else, verdict.entries[0].probability]

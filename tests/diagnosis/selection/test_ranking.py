@@ -304,6 +304,10 @@ class Candidate:
     fit = SimpleNamespace(effects=("the first effect",))
 
     @property
+    def conservative_gain(self):
+        return self.gain
+
+    @property
     def name(self):
         return self.key[0]
 

@@ -99,7 +99,7 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
     constraint_times = [c.time for c in problem.constraints]
     pending = sorted(range(len(constraint_times)), key=lambda i: constraint_times[i])
     onboard = np.empty((len(constraint_times), 4)) if len(start.nav) == 14 else None
-    bin_ending = {round(float(t), 5): k for k, t in enumerate(bins.edges[1:])}
+    ending = _same_epoch(times, bins.edges) - 1
     epochs: list[_Epoch] = []
     state = start
     for run in np.split(np.arange(len(times)), np.flatnonzero(np.diff(units)) + 1):
@@ -116,8 +116,7 @@ def propagate_path(problem: Problem, bins: TimeBins, start: State, errors: Array
                 at_epoch.append(pending.pop(0))
                 if onboard is not None:
                     onboard[at_epoch[-1]] = state.nav[10:]
-            ending = bin_ending.get(round(time, 5), -1)
-            epochs.append(_Epoch(time, f, q, gyro_noise_time[k], ending, tuple(at_epoch), state))
+            epochs.append(_Epoch(time, f, q, gyro_noise_time[k], max(int(ending[k]), -1), tuple(at_epoch), state))
     return PathTransitions(
         time=np.array([e.time for e in epochs]),
         transition=np.array([e.transition for e in epochs]),
@@ -134,8 +133,15 @@ def _epoch_times(problem: Problem, bins: TimeBins) -> Array:
     """Times of the epochs: bins' ends and constraints up to the last bin's end, all of the filter's epochs after it."""
     epochs = merge(np.concatenate((bins.edges, problem.epochs)))
     after = epochs > bins.edges[-1] + SAME_TIME
-    required = np.concatenate((bins.edges, [c.time for c in problem.constraints]))
-    return np.asarray(epochs[after | np.isin(np.round(epochs, 5), np.round(required, 5))], np.float64)
+    required = np.sort(np.concatenate((bins.edges, [c.time for c in problem.constraints])))
+    return np.asarray(epochs[after | (_same_epoch(epochs, required) >= 0)], np.float64)
+
+
+def _same_epoch(times: Array, ordered: Array) -> IntArray:
+    """Index of the value of `ordered` (M,) nearest to each of `times` (N,), s; -1 where none is the same epoch."""
+    after = np.clip(np.searchsorted(ordered, times), 1, len(ordered) - 1)
+    nearest = after - (times - ordered[after - 1] < ordered[after] - times)
+    return np.where(np.abs(ordered[nearest] - times) <= SAME_EPOCH, nearest, -1)
 
 
 def _sample_mask(count: int, begins: IntArray, ends: IntArray, chosen: BoolArray) -> BoolArray:

@@ -86,7 +86,7 @@ def make_time_bins(
     invalid_bin = np.unique(np.searchsorted(edges, invalid_time) - 1)
     valid = regular.copy()
     valid[invalid_bin[(invalid_bin >= 0) & (invalid_bin < len(valid))]] = False
-    valid[:ends] = valid[-ends:] = False
+    valid[:ends] = valid[max(0, len(valid) - ends) :] = False
     for time in changes:
         i = int(np.searchsorted(edges, time - 0.5 * usual))  # the edge at the event, or the first after it
         if 0 < i < len(edges):

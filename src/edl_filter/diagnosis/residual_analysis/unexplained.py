@@ -174,13 +174,12 @@ def _failing_span(
     square = np.bincount(piece, values**2, minlength=piece[-1] + 1) / np.maximum(count, 1)
     chance = settings.excess_variance_sigmas * np.sqrt(2.0 / np.maximum(count, 1))
     fails = (count >= LEAST_ROWS) & (square - 1.0 > chance)
-    if not fails.any():
+    closed = fails.copy()
+    closed[1:-1] |= fails[:-2] & fails[2:]  # a gap of one piece does not divide a span
+    spans = [(a, b) for a, b in runs(closed) if b > a + 1]
+    if not spans:
         return None
-    # a gap of one piece does not divide a span
-    closed = fails | (np.roll(fails, 1) & np.roll(fails, -1))
-    a, b = max(runs(closed), key=lambda run: np.sum(square[slice(*run)] * count[slice(*run)]))
-    if b == a + 1:
-        return None
+    a, b = max(spans, key=lambda span: np.sum(square[slice(*span)] * count[slice(*span)]))
     inside = (piece >= a) & (piece < b)
     return (
         float(edges[0] + a * length),
@@ -195,6 +194,8 @@ def _spectral_line(time: Array, series: Array, settings: DecisionSettings) -> fl
         return None
     step, span = float(np.median(np.diff(time))), float(time[-1] - time[0])
     frequency = np.arange(settings.line_cycles / span, 0.5 / step, 0.2 / span)
+    if not len(frequency):
+        return None
     blocks = np.array_split(frequency, len(frequency) // _FREQUENCIES + 1)  # lombscargle has arrays of all times by all
     deviation = series - series.mean()
     power = np.concatenate([lombscargle(time, deviation, 2.0 * np.pi * f, normalize=True) for f in blocks if len(f)])
@@ -206,9 +207,9 @@ def _correlations(model: LinearizedModel, inside: BoolArray, series: Array) -> d
     """Correlation with quantities of the flight; of the absolute value where the sign turns with the body."""
     flow = model.residuals.flow
     m = slice(NODES_PER_BIN // 2, None, NODES_PER_BIN)
-    u, v, w = flow.velocity_body[m][inside].T
+    v, w = (flow.velocity_body[m, 1:] / flow.speed[m, None])[inside].T
     q = flow.dynamic_pressure[m][inside]
-    signed = {"q": q, "q v/V (flow-fixed, sideways)": q * v / u, "q w/V (flow-fixed, up and down)": q * w / u}
+    signed = {"q": q, "q v/V (flow-fixed, sideways)": q * v, "q w/V (flow-fixed, up and down)": q * w}
     absolute = {"q": q, "alpha_total": flow.alpha_total[m][inside], "Mach": flow.mach[m][inside]}
     correlations = {n: _correlation(series, x) for n, x in signed.items()}
     correlations |= {f"size with {n}": _correlation(np.abs(series), x) for n, x in absolute.items()}

@@ -3,15 +3,16 @@
 Hypotheses, with their log evidence E in nats over the model as it is:
 
 none
-    The model holds with all that is stated: E = 0, or minus the contradiction where that is positive, and minus what an
-    unmodelled acceleration has, so that its odds against something else are continuous. The contradiction is the
-    evidence for noise beyond the stated less its prior cost, `excess_noise_nats`, or the evidence that a nuisance
-    parameter has another sigma than is stated less `named_gain_nats`, whichever is larger.
+    The model holds with all that is stated: E = 0, or minus the contradiction where that is positive. The contradiction
+    is the evidence for noise beyond the stated less its prior cost, `excess_noise_nats`, or the evidence that a
+    nuisance parameter has another sigma than is stated less `named_gain_nats`, whichever is larger.
 name
     One effect of the catalogue is missing: E = min(gain, held-out gain) - c.
 something else
-    A sigma is not what is stated: E is the contradiction, at most 0; or an unmodelled acceleration: E = gain - c,
-    where the contradiction is negative.
+    A sigma is not what is stated: E is the contradiction, at most 0; or an unmodelled acceleration: E = gain - c. Where
+    the contradiction is positive, the acceleration counts only if the first name leaves hardly any excess variance:
+    of two missing effects the first explains less than a process that explains both. Otherwise E of none is less by the
+    acceleration's evidence, so that the odds of none against something else are continuous.
 
 All gains are over the same reference: the model with its nuisance parameters, the discrepancy of the database among
 them, marginalised, at the noise that it shows. An effect that is a change of the database is therefore named only as
@@ -21,9 +22,9 @@ explains more than a force and a moment that follow nothing but their own correl
 Where the noise is not what is stated, the gain of a name depends on how the rest is modelled. If the first name leaves
 excess noise and explains less than `sufficient_share` of the log-likelihood between the model and one that holds
 (`Hypothesis.explained_share`), and no second effect explains the rest (`Hypothesis.complemented`), something outside
-the catalogue is missing too, unless the search for a second effect failed. The evidence of the name is then at most the
-log likelihood ratio of that share s, log k s^(k - 1): the share of a right name has the distribution Beta(k, 1), where
-k is `explained_share_shape`, that of a wrong name is uniform. The evidence of the others is reduced as much.
+the catalogue is missing too. The evidence of the name is then at most the log likelihood ratio of that share s,
+log k s^(k - 1): the share of a right name has the distribution Beta(k, 1), where k is `explained_share_shape`, that of
+a wrong name is uniform. The evidence of the others is reduced as much.
 
 c is the prior cost of a hypothesis that is not the reference (log prior odds): `named_gain_nats`, or
 `named_gain_in_excess_noise_nats` where the noise is not what is stated (Kass and Raftery, JASA 90 (1995) 773), and in
@@ -162,12 +163,13 @@ def decide(ranking: Ranking) -> Verdict:
     noisy = ranking.excess_noise_gain > settings.excess_noise_nats
     cost, contradiction = prior_cost(ranking.excess_noise_gain, settings), _contradiction(ranking)
     unmodelled = ranking.unmodelled_gain - cost
-    if contradiction > 0.0:
+    groups = group_indistinguishable(ranking.hypotheses, settings)
+    evidence = [group[0].conservative_gain - cost for group in groups]
+    explains_all = bool(groups) and groups[int(np.argmax(evidence))][0].at_floor
+    if contradiction > 0.0 and not explains_all:
         none, something_else = -contradiction - max(unmodelled, 0.0), 0.0
     else:
-        none, something_else = 0.0, max(unmodelled, contradiction)
-    groups = group_indistinguishable(ranking.hypotheses, settings)
-    evidence = [min(group[0].gain, group[0].score_gain) - cost for group in groups]
+        none, something_else = -max(contradiction, 0.0), max(unmodelled, min(contradiction, 0.0))
     if noisy and groups:
         evidence = _limited(evidence, groups, settings)
     probability = probabilities(np.array([none, something_else, *evidence]), settings.approximation_error)
@@ -211,7 +213,7 @@ def _limited(evidence: list[float], groups: list[list[Hypothesis]], settings: De
     """Evidence of the names over something else, limited by the share of the first one if much is left."""
     first = max(range(len(groups)), key=lambda i: evidence[i])
     head = groups[first][0]
-    alone = head.explained_share >= settings.named_explained_share and head.complemented is None
+    alone = head.explained_share >= settings.sufficient_share and head.complemented is None
     if head.at_floor or head.complemented or alone:
         return evidence
     share, shape = max(head.explained_share, _LEAST_SHARE), settings.explained_share_shape

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, scan_grid, scan_range
+from edl_filter.diagnosis.linear_model.effect_jacobian import effect_jacobian, is_ordered, scan_grid, scan_range
 from edl_filter.diagnosis.linear_model.linear_model import LinearizedModel
 from edl_filter.diagnosis.selection.screening import marginalize_model_effects
 from edl_filter.effects.base import Effect, EffectInstance
@@ -49,7 +49,7 @@ def evidence_profile(
     Raises
     ------
     InputError
-        The effect is in the model, or has no such place.
+        The effect is in the model, or has no such place, or none of the values is in order with its other places.
     """
     from xarray import DataArray
 
@@ -65,6 +65,9 @@ def evidence_profile(
     if values is not None:
         remaining = {tuple((places | {q.name: 0.0}).items()) for places in grid}
         grid = [dict(places) | {q.name: float(v)} for places in remaining for v in values]
+        grid = [places for places in grid if is_ordered(EffectInstance(resolved, places))]
+        if not grid:
+            raise InputError(f"scan: found no value of {q.name} that is in order with the effect's other bounds.")
     for places in grid:
         j = effect_jacobian(model, EffectInstance(resolved, places))
         gain = regress(y, whiten(j.rows, j.initial_mean), j.sigma).gain

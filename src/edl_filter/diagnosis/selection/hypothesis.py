@@ -23,6 +23,7 @@ from edl_filter.diagnosis.selection.screening import ScreeningResult, correlatio
 from edl_filter.effects.base import EffectInstance, EffectKey, effect_with_key, label_of
 from edl_filter.estimation.kalman import Whitening, WhiteningFilter
 from edl_filter.estimation.regression import held_out_gain, regress
+from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.types import Array
 
 #: Relative difference up to which two places are the same starting point: about a second, or some hundred metres.
@@ -95,6 +96,11 @@ class Hypothesis:
     def label(self) -> str:
         """The key as text."""
         return label_of(self.key)
+
+    @property
+    def conservative_gain(self) -> float:
+        """The smaller one of gain and held-out gain, nats: the evidence on which a name is given."""
+        return min(self.gain, self.score_gain)
 
     def with_reference(self, null: NullModelFit) -> Hypothesis:
         """The same with its gains over the null model about another point."""
@@ -191,12 +197,17 @@ def _fit_where_model_holds(
         normalised=model.normalised_innovations(model.fitted_noise_filter, fit.white),
         gain=fit.evidence - null.evidence,
         score_gain=predictive,
-        at_floor=model.excess_variance.share < settings.solved_share * null.excess_share,
+        at_floor=_is_floor(model.excess_variance.share, null, settings),
         explained=x @ size,
         case=case,
         model=model,
         null=null,
     )
+
+
+def _is_floor(share: float, null: NullModelFit, settings: DecisionSettings) -> bool:
+    """Whether hardly any excess variance is left: in no row, or in few of those in which the null model has it."""
+    return share == 0.0 or share < settings.solved_share * null.excess_share
 
 
 def _remaining_excess(model: LinearizedModel, fit: MapFit, before: float) -> float:
@@ -231,10 +242,9 @@ def _best(
     """
     settings = case.settings
     best_fit = max(at_fitted_noise, key=lambda f: f.evidence)
-    floor = settings.solved_share * null.excess_share
-    share = model.excess_variance.share
+    at_floor = _is_floor(model.excess_variance.share, null, settings)
     penalty = model.noise_penalty
-    first = _hypothesis(key, best_fit, model.fitted_noise_filter, penalty, share < floor, null, case, model)
+    first = _hypothesis(key, best_fit, model.fitted_noise_filter, penalty, at_floor, null, case, model)
     if first.at_floor and model.excess_variance.is_zero:
         return first
     stated = max(at_stated_noise, key=lambda f: f.evidence) if at_stated_noise else None
@@ -254,8 +264,9 @@ def _best(
         steps = settings.polish_fit_iterations
         polished = fit_map(model, start.effects, whiten, steps=steps, moving=moving)
         own_noise_evidence = max(own_noise_evidence, polished.evidence - excess.penalty)
-        outcomes.append(_hypothesis(key, polished, whiten, excess.penalty, excess.share < floor, null, case, model))
-        if thorough and excess.share < floor and not excess.is_zero:
+        at_floor = _is_floor(excess.share, null, settings)
+        outcomes.append(_hypothesis(key, polished, whiten, excess.penalty, at_floor, null, case, model))
+        if thorough and at_floor and not excess.is_zero:
             # the little excess may be that of a fit that has not converged: then the stated noise is more likely
             stated_noise = model.stated_noise_filter
             converged = fit_map(model, polished.effects, stated_noise, moving=True)

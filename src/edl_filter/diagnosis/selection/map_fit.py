@@ -50,7 +50,7 @@ class MapFit:
     white : (R,) array
         White residuals.
     columns : (R, k) array
-        White Jacobian there.
+        White Jacobian at the last linearisation, before the last step.
     sigma : (k,) array
         Prior standard deviations.
     point : LinearizationPoint

@@ -109,7 +109,9 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 
 
 def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Progress) -> Ranking:
-    """The ranking, whose first hypothesis states whether a second effect explains what it leaves.
+    """The ranking, whose first name states whether a second effect explains what it leaves.
+
+    The first name is the one that `decide` would give: that with the largest `Hypothesis.conservative_gain`.
 
     It is asked only where the first explains at least `complemented_explained_share` and less than `sufficient_share`,
     and leaves excess variance. The first of two hidden effects does so, and so does an incorrect effect that resembles
@@ -119,7 +121,8 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     settings = ranking.case.settings
     if not ranking.hypotheses:
         return ranking
-    first, *lower_ranked = ranking.hypotheses
+    place = max(range(len(ranking.hypotheses)), key=lambda i: ranking.hypotheses[i].conservative_gain)
+    first = ranking.hypotheses[place]
     ambiguous = settings.complemented_explained_share <= first.explained_share < settings.sufficient_share
     if first.at_floor or not ambiguous:
         return ranking
@@ -128,7 +131,9 @@ def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Prog
     seconds = _rank(case, candidate_instances(case, effects), progress).hypotheses
     least = settings.sufficient_share if first.explained_share >= settings.named_explained_share else np.inf
     complemented = any(h.at_floor or h.explained_share >= least for h in seconds)
-    return replace(ranking, hypotheses=[replace(first, complemented=complemented), *lower_ranked])
+    hypotheses = list(ranking.hypotheses)
+    hypotheses[place] = replace(first, complemented=complemented)
+    return replace(ranking, hypotheses=hypotheses)
 
 
 def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progress) -> Ranking:
@@ -190,6 +195,10 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
             hypotheses = _most_probable([h.with_reference(reference) for h in (*hypotheses, *relinearized)])
             screened.model.release()
         unmodelled, unmodelled_evidence = unmodelled_fit()
+    if most_likely is not model:
+        unmodelled, unmodelled_evidence = max(
+            (unmodelled, unmodelled_evidence), fit_unmodelled(most_likely), key=lambda fit: fit[1]
+        )
     at_stated_noise = log_likelihood(most_likely.state_space, most_likely.residual_vector, most_likely.initial_mean)
     return Ranking(
         case=case,
