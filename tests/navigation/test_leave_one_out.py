@@ -211,3 +211,17 @@ def test_the_entry_state_is_a_constraint_against_everything_else():
     assert check.components[0] == "position x (m)" and check.components[-1] == "attitude z (rad)"
     np.testing.assert_array_equal(check.innovation_sigma[0], np.sqrt(np.diag(prior)))
     assert check.time.tolist() == [0.0] and check.accepted.tolist() == [True]
+
+
+def test_a_rejected_reading_is_no_part_of_the_mean():
+    """One altimeter reading that is 3 km off, which the filter rejects."""
+    times = np.arange(5.0, 45.0, 5.0)
+    good = [height(t, 20.0) for t in times]
+    bad = [height(t, 3000.0 if t == 25.0 else 20.0) for t in times]
+    p = problem(*bad)
+    check = check_constraints(p, run_filter(p))[0]
+    assert list(check.accepted) == [t != 25.0 for t in times]
+    q = problem(*(h for h in good if h.time != 25.0))
+    expected = check_constraints(q, run_filter(q))[0]
+    np.testing.assert_allclose(check.left_out, expected.left_out, atol=1e-6)
+    np.testing.assert_allclose(check.left_out_sigma, expected.left_out_sigma, rtol=1e-6)

@@ -259,7 +259,7 @@ def test_a_run_that_may_not_be_linear_is_linearised_again(monkeypatch, filled, a
 def recovered(monkeypatch):
     """Recover from a contradiction of some sources at 6 s, with the accepted attempts' likelihoods by cause."""
 
-    def run(sources, likelihoods, lost=((3.0, 5.0),), rejecting=(), converged=True):
+    def run(sources, likelihoods, lost=((3.0, 5.0),), rejecting=(), converged=True, **options):
         samples, _ = changes()
         problem = FlightProblem(samples, Initial(np.eye(2), time=-1.0))
         first = SimpleNamespace(fused=[], divergence=None, converged=converged)
@@ -280,7 +280,7 @@ def recovered(monkeypatch):
         monkeypatch.setattr(recovery, "_best_size", best_size)
         monkeypatch.setattr(recovery, "contradiction", contradicts)
         monkeypatch.setattr(recovery, "log_likelihood", lambda problem, filter_pass: -50.0)
-        changed, filter_pass, result = recovery.run_with_recovery(problem, lost, first)
+        changed, filter_pass, result = recovery.run_with_recovery(problem, lost, first, **options)
         if result is None:
             assert changed is problem and filter_pass is first
         return changed, result, tried
@@ -345,3 +345,12 @@ def test_a_contradiction_that_no_change_removes_is_reported(recovered):
     assert result.cause is None and not result.recovered
     assert (result.size, result.force_noise, result.rate_noise, result.gain) == (0.0, 0.0, 0.0, 0.0)
     assert np.isnan([result.start, result.end]).all() and changed.initial.time == -1.0
+
+
+@pytest.mark.parametrize(("rejecting", "cause"), [((), "gap"), (("gap",), None)])
+def test_lost_samples_are_the_only_cause_if_no_other_is_asked_for(recovered, rejecting, cause):
+    """For a diagnosis: noise of another cause would hide a missing effect."""
+    likelihoods = {"gap": -20.0, "entry_state": 500.0, "process_noise": 500.0}
+    _, result, tried = recovered(2, likelihoods, rejecting=rejecting, gap_only=True)
+    assert tried == ["gap"] and (None if result is None else result.cause) == cause
+    assert recovered(2, likelihoods, lost=(), gap_only=True)[1] is None

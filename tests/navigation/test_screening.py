@@ -167,3 +167,11 @@ def test_only_readings_of_one_instrument_and_one_driving_unit_are_examined_toget
     unit = (np.arange(40) >= 12).astype(int)
     _, examined, _ = screened(readings, innovations, unit=unit)
     assert examined == [[float(k) for k in range(1, 13)]]
+
+
+def test_outliers_of_another_pass_are_rejected_and_not_counted():
+    readings = heights(30)
+    samples = twins.samples(np.ones(40), np.zeros((40, 3)), np.zeros((40, 3)))
+    screening = module.Screening(samples, readings, GATE, lambda estimator: estimator, readings[4:6])
+    rejected = [r.time for r in readings if screening.is_outlier("estimator", innovation(1.0), r, [])]
+    assert rejected == [5.0, 6.0]

@@ -91,3 +91,22 @@ def test_an_axial_force_with_another_sign_is_refused_with_advice(practice_06):
     telemetry = replace(practice_06.telemetry, driving=turned)
     with pytest.raises(InputError, match=r"a deceleration is negative\. Check the sign of the x axis of the IMU 'prim"):
         assemble(m, telemetry, practice_06.planet, read_atmosphere(m))
+
+
+def test_the_force_is_that_of_the_mass_at_the_deployment(practice_06):
+    """An event before it that states a mass, as of ballast that is released, changes the force over the area."""
+    parachute = "{axial_force_window_s: 1.0}"
+    plain = constraint(practice_06, parachute).measured[0]
+    deployed = practice_06.event_times["parachute_deploy"]
+    ballast = "{time_s: 150.0, sigma_s: 0.01, mass: 416.0}"
+    events = f"{{ballast: {ballast}, parachute_deploy: {{time_s: {deployed!r}, sigma_s: 0.01, mass: 100.0}}}}"
+    lighter = constraint(practice_06, parachute, f"vehicle.events={events}").measured[0]
+    assert lighter - plain == pytest.approx(np.log(416.0 / practice_06.mission.vehicle.mass), abs=1e-9)
+
+
+def test_the_line_ends_before_the_sigma_of_the_events_time(practice_06):
+    """Also if the flight file states that sigma, and not the mission."""
+    telemetry = replace(practice_06.telemetry, event_sigmas={"parachute_deploy": 10.0})
+    m = mission("{axial_force_window_s: 1.0}")
+    with pytest.raises(InputError, match="0 samples before"):
+        assemble(m, telemetry, practice_06.planet, read_atmosphere(m))

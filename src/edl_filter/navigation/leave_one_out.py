@@ -149,21 +149,25 @@ def _check(problem: Problem, filter_pass: FilterPass, group: list[Fused]) -> Con
 
 
 def _left_out_residual(problem: Problem, smoothed: Smoothed, group: list[Fused]) -> tuple[Array, Array]:
-    """Residual against the estimate from everything else, `smoothed` from the first use on, and its covariance."""
+    """Residual against the estimate from everything else, `smoothed` from the first use on, and its covariance.
+
+    Of the readings that were accepted, if there are any: a rejected one is no part of the estimate that is checked.
+    """
     first = group[0].node
     residuals, predictions, noises = [], [], []
-    for fused in group:
+    used = [f for f in group if f.accepted] or group
+    for fused in used:
         k = fused.node - first
         innovation = new_filter(problem, smoothed.states[k], smoothed.covariance[k]).innovation(fused.constraint)
         residuals.append(innovation.residual)
         predictions.append(innovation.predicted_covariance)
         noises.append(innovation.noise_covariance)
     residual = np.mean(residuals, axis=0)
-    if len(group) == 1:
+    if len(used) == 1:
         total = predictions[0] + noises[0]
     else:  # correlations in time and between components are not computed: taken as full, and as none
         sigma = np.mean([np.sqrt(np.diag(p)) for p in predictions], axis=0)
-        total = np.diag(sigma**2 + np.mean([np.diag(n) for n in noises], axis=0) / len(group))
+        total = np.diag(sigma**2 + np.mean([np.diag(n) for n in noises], axis=0) / len(used))
     return residual, total
 
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from edl_filter.diagnosis.jacobians.transitions import propagate_path
+from edl_filter.diagnosis.jacobians.transitions import _same_epoch, propagate_path
 from edl_filter.diagnosis.linear_model.flight_case import flight_case
 from edl_filter.diagnosis.linear_model.linearization_point import smoothed_point
 from edl_filter.navigation import strapdown
 from edl_filter.navigation.ekf import difference_steps
+from edl_filter.navigation.filter import SAME_EPOCH
 from edl_filter.navigation.layout import State
 from edl_filter.navigation.noise import process_noise
 from edl_filter.navigation.propagation import propagate_states
@@ -73,3 +74,12 @@ def test_every_constraint_belongs_to_one_epoch(path_case):
     assert sorted(i for which in transitions.constraints for i in which) == list(range(len(problem.constraints)))
     for time, which in zip(transitions.time, transitions.constraints, strict=True):
         assert all(abs(problem.constraints[i].time - time) < 1e-5 for i in which)
+
+
+@pytest.mark.parametrize("start", [0.0, 3.1e-6, 4.999e-6, 7e-6])
+def test_an_epoch_next_to_an_edge_is_that_edge(start):
+    """A time within `SAME_EPOCH` of it, also where both are rounded to different digits."""
+    edges = start + 0.1 * np.arange(5)
+    times = np.sort(np.concatenate((edges[[0, 2]], edges[[1, 3]] - 1e-9, [start + 0.25])))
+    np.testing.assert_array_equal(_same_epoch(times, edges), [0, 1, 2, -1, 3])
+    np.testing.assert_array_equal(_same_epoch(edges + 1.5 * SAME_EPOCH, edges), np.full(5, -1))

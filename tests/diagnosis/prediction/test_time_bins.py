@@ -282,3 +282,9 @@ def test_bins_with_filled_samples_are_not_compared():
     bins = make_bins(samples, edges, edges[-1])
     changed = make_bins(replace(samples, rate_fill_sigma=filled), edges, edges[-1])
     np.testing.assert_array_equal(np.flatnonzero(bins.valid != changed.valid), [101 // samples_per_bin(bins, 20)])
+
+
+def test_no_bin_is_excluded_at_the_ends_where_the_setting_is_zero():
+    edges = regular_edges(20)
+    assert make_time_bins(samples_of(edges), edges, 60.0, 0.2, 0).valid.all()
+    assert not make_time_bins(samples_of(edges), edges, 60.0, 0.2, 1000).valid.any()

@@ -200,3 +200,26 @@ def test_a_continuous_force_and_moment_are_recovered():
 def test_there_is_none_where_the_process_is_no_force(unmodelled):
     case = flight(20)
     assert estimate_latent_force(model_of(case, np.zeros(case[1].count)), unmodelled) is None
+
+
+def test_a_failure_of_one_piece_does_not_hide_a_longer_one():
+    """Neither if its sum of squares is larger."""
+    normalised = np.full(800, 0.5)
+    normalised[80:100] = 60.0
+    normalised[200:300] = 4.0
+    edges = TIME[0] + np.array([200, 300]) * DT
+    assert span_of(normalised)[:2] == (pytest.approx(edges[0]), pytest.approx(edges[1]))
+
+
+def test_the_last_piece_is_no_neighbour_of_the_first():
+    normalised = np.full(800, 0.5)
+    normalised[20:40] = normalised[-20:] = 4.0
+    assert span_of(normalised) is None
+    normalised[60:80] = 4.0
+    assert span_of(normalised)[:2] == (pytest.approx(TIME[20]), pytest.approx(TIME[80]))
+
+
+def test_a_record_too_short_for_the_least_number_of_cycles_has_no_line():
+    time = 0.1 * np.arange(20)
+    settings = SETTINGS.model_copy(update={"line_cycles": 12.0})
+    assert _spectral_line(time, np.sin(9.0 * time), settings) is None

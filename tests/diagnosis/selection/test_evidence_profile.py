@@ -69,3 +69,19 @@ def test_an_effect_of_the_model_and_a_place_that_it_has_not_are_refused(model):
     model.effects = ()
     with pytest.raises(InputError, match=r"found t9 of remnant_torque; accepted: t0"):
         evidence_profile(model, "remnant_torque", "t9")
+
+
+def test_values_beyond_the_other_bound_are_not_evaluated(model, monkeypatch):
+    """A wind's lower bound above its upper one is no wind."""
+    evaluated = []
+
+    def jacobian(of_model, instance):
+        evaluated.append((instance.values["h_lo"], instance.values["h_hi"]))
+        return SimpleNamespace(rows=np.zeros((3, 2)), initial_mean=None, sigma=np.ones(2))
+
+    monkeypatch.setattr(module, "effect_jacobian", jacobian)
+    model.white_residuals = lambda whiten: np.zeros(3)
+    evidence_profile(model, "wind", "h_lo", [6e3, 3e4])
+    assert evaluated and all(low < high for low, high in evaluated)
+    with pytest.raises(InputError, match="scan: found no value of h_lo that is in order"):
+        evidence_profile(model, "wind", "h_lo", [1e6])
