@@ -19,7 +19,7 @@ FIELDS = DecisionSettings.model_fields
 
 #: Values on which the published rates of identification (docs/identification.md) depend.
 DEFAULTS = {
-    "bin_length_s": 0.1, "excluded_end_bins": 3, "parachute_margin_s": 0.3,
+    "bin_length_s": 0.1, "excluded_end_bins": 3, "parachute_margin_s": 0.3, "linear_attitude_sigma_rad": 0.05,
     "discrepancy_range": 4.0, "discrepancy_sigma": 0.7,
     "minimum_density_sigma": 1e-4, "numerical_error_memory_s": 20.0, "relative_prediction_error": 2e-4,
     "noise_piece_s": 10.0, "excess_variance_sigmas": 4.0,
@@ -57,7 +57,7 @@ DEFAULTS = {
 }  # fmt: skip
 
 #: Unit that a suffix of a setting's name stands for.
-UNITS = {"_s": "s", "_m": "m", "_pa": "Pa", "_nats": "nats", "_sigmas": "sigmas"}
+UNITS = {"_s": "s", "_m": "m", "_rad": "rad", "_pa": "Pa", "_nats": "nats", "_sigmas": "sigmas"}
 
 
 def mission_with(*changes):

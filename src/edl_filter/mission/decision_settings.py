@@ -42,6 +42,12 @@ class DecisionSettings(Section):
     parachute_margin_s: Annotated[Number, Within("s", 0.0, 60.0)] = _setting(
         0.3, "s before the parachute that are not compared: the mortar's recoil and samples that contain it", STUDY
     )
+    linear_attitude_sigma_rad: Annotated[Number, Within("rad", 0.0, 3.0, above=True)] = _setting(
+        0.05,
+        "rad: 1 sigma of the attitude's error by filled rates from which constraints are not compared: a linear model "
+        "of twice this error is wrong by 0.5 % of the velocity that is gained afterwards",
+        NUMERICS,
+    )
 
     # nuisance parameters
     discrepancy_range: Annotated[Number, Within("", 1.0, 100.0, above=True)] = _setting(

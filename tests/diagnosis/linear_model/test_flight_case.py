@@ -8,6 +8,8 @@ import pytest
 
 from edl_filter.diagnosis.linear_model import flight_case as flight_case_module
 from edl_filter.diagnosis.linear_model.flight_case import (
+    constraints_after,
+    end_of_linear_attitude,
     flight_case,
     load_case,
     rejected_readings,
@@ -154,3 +156,21 @@ def test_a_checking_imu_with_coarse_steps_is_compared_only_if_an_effect_acts_on_
     assert case.reconstruction.telemetry.driving is practice_06.telemetry.driving
     bias = EffectInstance(find_effect("accelerometer_bias"), {"bx": 0.01}, imu=second)
     assert [r.name for r in without_coarse_checking(with_coarse(second, bias)).telemetry.checking] == [second]
+
+
+def test_constraints_after_lost_rates_that_leave_the_attitude_unknown_are_not_compared(practice_06):
+    """The errors of the filled samples are independent: their variances add up."""
+    problem = practice_06.problem
+    samples = problem.samples
+    assert end_of_linear_attitude(samples, 0.05) == np.inf
+    assert constraints_after(problem, np.inf) == frozenset()
+    deployed = practice_06.event_times["parachute_deploy"]
+    lost = np.flatnonzero((samples.time > deployed - 1.0) & (samples.time <= deployed + 1.0))
+    sigma = np.zeros_like(samples.rate)
+    sigma[lost, 1] = 0.05 / np.sqrt(11.5) / samples.interval[lost]  # the twelfth lost sample exceeds it
+    filled = replace(samples, rate_fill_sigma=sigma, force_fill_sigma=np.zeros_like(sigma))
+    time = end_of_linear_attitude(filled, 0.05)
+    assert time == pytest.approx(samples.time[lost[11]] - samples.interval[lost[11]])
+    expected = {(c.name, c.time) for c in problem.constraints if c.time > time}
+    assert len(expected) < len(problem.constraints)
+    assert flight_case(replace(practice_06, problem=replace(problem, samples=filled))).outliers == expected

@@ -22,12 +22,12 @@ from edl_filter.mission import Mission
 from edl_filter.mission.decision_settings import DecisionSettings
 from edl_filter.navigation.consensus import LEAST_READINGS
 from edl_filter.navigation.filter import FilterPass, Problem
-from edl_filter.navigation.increments import effective_samples, unresolved_motion_of
+from edl_filter.navigation.increments import Samples, effective_samples, unresolved_motion_of
 from edl_filter.navigation.unresolved import UnresolvedMotion
 from edl_filter.pipeline.forward_model import forward_model_of
 from edl_filter.pipeline.load import impacts_from
 from edl_filter.pipeline.reconstruct import Reconstruction, assemble_free, reconstruct, without_effects
-from edl_filter.telemetry.record import ImuRecord, Telemetry
+from edl_filter.telemetry.record import SAME_TIME, ImuRecord, Telemetry
 
 #: Distance from a bound, in logarithms, within which an estimate is at the bound.
 _AT_BOUND = 0.01
@@ -81,7 +81,8 @@ class FlightCase:
     discrepancy_estimate : DiscrepancyEstimate or None
         What of the mission's prior of the database's error was estimated; None: nothing.
     outliers : frozenset of (str, float)
-        Name and time (s) of readings that are not compared (`rejected_readings`), whatever effects the model has.
+        Name and time (s) of constraints that are not compared, whatever effects the model has: `rejected_readings`, and
+        those after `end_of_linear_attitude`.
     """
 
     reconstruction: Reconstruction
@@ -226,7 +227,8 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             inertia=vehicle.inertia_sigma,
         ),
         constants=stated_parameters(mission, r.telemetry),
-        outliers=rejected_readings(r.filter_pass),
+        outliers=rejected_readings(r.filter_pass)
+        | constraints_after(r.problem, end_of_linear_attitude(r.problem.samples, settings.linear_attitude_sigma_rad)),
     )
 
 
@@ -257,3 +259,31 @@ def rejected_readings(filter_pass: FilterPass) -> frozenset[tuple[str, float]]:
     return frozenset(
         (c.name, c.time) for c in rejected if uses[c.name] >= LEAST_READINGS and 2 * counts[c.name] < uses[c.name]
     )
+
+
+def end_of_linear_attitude(samples: Samples, limit: float) -> float:
+    """Time from which a linear model of the path does not hold, since lost rates leave the attitude unknown, s.
+
+    The path is dead-reckoned from the filled rates, and no parameter moves it as their errors do. Only lost samples
+    about the opening of a parachute leave so large an error: the opening shock cannot be interpolated.
+
+    Parameters
+    ----------
+    samples : Samples
+        Of the driving instrument.
+    limit : float
+        Largest standard deviation of the attitude by the errors of filled rates, rad.
+
+    Returns
+    -------
+    float
+        Beginning of the first sample that exceeds it; infinite if none does.
+    """
+    variance = np.cumsum(np.sum((samples.interval[:, None] * samples.rate_fill_sigma) ** 2, axis=1))
+    beyond = np.flatnonzero(variance > limit**2)
+    return float(samples.time[beyond[0]] - samples.interval[beyond[0]]) if len(beyond) else np.inf
+
+
+def constraints_after(problem: Problem, time: float) -> frozenset[tuple[str, float]]:
+    """Name and time (s) of the constraints after a time (s)."""
+    return frozenset((c.name, c.time) for c in problem.constraints if c.time > time + SAME_TIME)
