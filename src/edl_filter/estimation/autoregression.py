@@ -153,7 +153,7 @@ def trial_stretches(observed: BoolArray, first: int, last: int) -> list[tuple[in
     Returns
     -------
     list of (int, int)
-        Begin and end of each, at most twelve; those of one side overlap by half.
+        Start and end of each, at most twelve; those of one side overlap by half.
     """
     length = last - first
     step = max(1, length // 2)

@@ -174,7 +174,7 @@ def piecewise_integral(edges: Array, interval: Array, mean: Array, degree: int =
     Returns
     -------
     PiecewiseSpline
-        Of the integral ``(m,)`` since the begin of each run. Differences across an unknown interval have no meaning.
+        Of the integral ``(m,)`` since the start of each run. Differences across an unknown interval have no meaning.
     """
     known = finite_rows(mean)
     begins = np.concatenate(([0], 1 + np.flatnonzero(np.diff(known))))

@@ -33,7 +33,7 @@ def noise_of_samples(interval, middle, force, velocity_variance, rotation_varian
     Returns
     -------
     covariance, unshared : (9, 9) arrays
-        By all errors of the rotation, and by those that an on-board attitude has too.
+        By all errors of the rotation, and by those of the filter's copy of the readings.
     """
     cov, unshared, moments = np.zeros((9, 9)), np.zeros((9, 9)), np.zeros((3, 3, 3))
     gain, path, axes = np.zeros(3), np.zeros(3), np.empty((3, 3))

@@ -319,7 +319,7 @@ class RestGravity(_OneSigma):
     The same readings drive the propagation over the window. Their mean minus the support against gravity is the
     velocity at the end of the window over its length, and its noise is the process noise, which the covariance at the
     end already contains. If the mean were compared with gravity apart from the propagation, this noise would enter
-    twice as if it were independent: between two zero velocities a distance T apart the velocity is a Brownian bridge
+    twice as if it were independent: between two zero velocities an interval T apart the velocity is a Brownian bridge
     with the variance ``q t (1 - t/T)``, but ``q t (1 + t/T)`` would be stated (intensity q).
     """
 

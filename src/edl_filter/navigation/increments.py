@@ -49,8 +49,8 @@ class Samples:
         One sigma of a sample, m/s² and rad/s, body axes, including unresolved motion; may be given as ``(N,)``, for all
         axes.
     shared_rate_noise : (N, 3) array
-        The part of the rate noise that an attitude computed on board from the same gyros has too, rad/s, body axes: the
-        gyros' own and most of the unresolved motion; may be given as ``(N,)``.
+        The part of the rate noise that the flight computer integrated too, rad/s, body axes: the gyros' own and most of
+        the unresolved motion. It is no error of the propagated on-board attitude; may be given as ``(N,)``.
     coning_corrected : (N,) boolean array
         Where the rate was taken from two attitudes, not from gyros.
     unit : (N,) integer array

@@ -14,9 +14,8 @@ Errors are vectors about the reference of each node. With F and H the Jacobians 
 
     d⁻ = F d + (f(x) ⊖ x⁺)        y = z - h(x) - H d⁻        d = d⁻ + K y
 
-The gate is applied again in every pass to the constraints that it rejected: a measurement may contradict a prediction
-only because this was linearised far from it. Readings that contradict the others of their instrument (`screening`) stay
-rejected.
+In every pass the gate is applied to all constraints, accepted or rejected, except those that `screening` rejected: a
+measurement may contradict a prediction only because this was linearised far from it.
 """
 
 from __future__ import annotations

@@ -45,10 +45,10 @@ _BELOW, _ABOVE = 1.5, 3.0
 #: Iterations of a search for the hyperparameters, its step, most searches, and the change, in widths, below which the
 #: hyperparameters are those of the search before.
 _SEARCH_ITERATIONS, _SEARCH_STEP, _MOST_SEARCHES, _SAME_SIZES = 12, 0.05, 6, 0.3
-#: Most Gauss-Newton steps between two searches, the one from which steps that do not become smaller are halved, the
-#: least part of a step, and the change of a prediction, in its sigmas, below which it has converged. The change of a
-#: reading that is observed is weighted by `_READ_SHARE`: coefficients are linear between the nodes of a table, and
-#: whole steps can alternate about a node.
+#: Most Gauss-Newton steps between two searches, the number of steps after which a step that is more than half as large
+#: as the one before is halved, the least part of a step, and the change of a prediction, in its sigmas, below which it
+#: has converged. The change of a reading that is observed is weighted by `_READ_SHARE`: coefficients are linear between
+#: the nodes of a table, and whole steps can alternate about a node.
 _MOST_STEPS, _HALVED_FROM, _LEAST_FACTOR, _CONVERGED, _READ_SHARE = 14, 5, 0.25, 0.1, 0.2
 #: Weight of the model's own covariance against the cross-validation, in stretches, as in the autoregression.
 _PRIOR_STRETCHES = 2.0
@@ -158,7 +158,7 @@ def most_probable_motion(window: Window, before: Solution | None = None) -> Solu
     """Most probable motion of a window with the most probable hyperparameters.
 
     The posterior has several maxima. The search starts from disturbances of usual size and from very small ones, and
-    from motions that obey Euler's equations in the stretch: from the approximate motion at its begin and, where
+    from motions that obey Euler's equations in the stretch: from the approximate motion at its start and, where
     readings are within the stretch, from the motion that is most probable without them. The best result counts.
 
     Parameters

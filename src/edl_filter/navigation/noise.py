@@ -89,7 +89,8 @@ class IncrementVariances(NamedTuple):
     velocity, rotation : (N, 3) arrays
         (m/s)² and rad², body axes.
     unshared : (N, 3) array
-        Part of `rotation` that an attitude computed on board has too: the readings that only the filter lacks.
+        Part of `rotation` by errors of the filter's copy of the readings, which the flight computer does not have: an
+        error of the true attitude and of the propagated on-board attitude alike.
     """
 
     velocity: Array
@@ -172,7 +173,7 @@ def sample_attitudes(interval, rate, attitude):
 def _covariances(
     begins, ends, attitudes, interval, rate, force, velocity_variance, rotation_variance, unshared_variance
 ):
-    """Covariances ``(K, 9, 9)`` by all noise, and by that which an on-board attitude does not share."""
+    """Covariances ``(K, 9, 9)`` by all noise, and by that of the filter's copy of the readings (`unshared`)."""
     covariance = np.empty((begins.size, 9, 9))
     common = np.empty((begins.size, 9, 9))
     for k in range(begins.size):

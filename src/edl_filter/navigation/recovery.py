@@ -114,7 +114,7 @@ def run_with_recovery(
     problem : Problem
         Samples, initial state, constraints, settings.
     lost : sequence of (float, float)
-        Begin and end of the stretches whose samples were lost and filled, s.
+        Start and end of the stretches whose samples were lost and filled, s.
     first : FilterPass, optional
         Of this problem (`first_pass`), where it was run already.
     gap_only : bool

@@ -50,7 +50,8 @@ class PathLoads(NamedTuple):
     pressure_area : (M,) array
         Dynamic pressure times reference area, N.
     coefficients : (M, A, 3) array
-        CA, CN, and Cm about the centre of mass's place on the axis, at A angles from zero on; held beyond the last.
+        CA, CN, and Cm about the projection of the centre of mass on the axis, at A angles from zero on; held beyond the
+        last.
     angle_step : float
         Between two of these angles, rad.
     cmq, rate_scale : (M,) arrays
@@ -58,7 +59,7 @@ class PathLoads(NamedTuple):
     diameter, mass : float
         m, kg.
     offset : (3,) array
-        Centre of mass relative to its place on the axis, m, body axes.
+        Centre of mass relative to its projection on the axis, m, body axes.
     inertia, inverse : (3, 3) arrays
         About the centre of mass, kg m², and its inverse.
     """

@@ -5,8 +5,8 @@ the sample, ``∫ t ω dt / h`` with time from mid-sample; that of its velocity 
 m_f of the force. The samples determine the moments up to motion that is faster than the sampling, whose statistics
 follow from mechanics:
 
-- In flight the moment of all forces is finite and changes at unknown instants (gusts, a canopy that snatches). So the
-  angular acceleration jumps; jumps of independent size have the covariance of a Wiener process, and the rate is the
+- In flight the moment of all forces is finite and changes at unknown instants (gusts, a canopy that opens abruptly). So
+  the angular acceleration jumps; jumps of independent size have the covariance of a Wiener process, and the rate is the
   integral of one. The specific force jumps itself: it is a Wiener process.
 - At an impact on the ground velocity and rate jump: the rate is a Wiener process, the force white noise.
 

@@ -100,7 +100,7 @@ def rank_causes(
     Returns
     -------
     list of Cause
-        Consistent ones first, each group by its gain. Empty if the short run with the telemetry as read ends.
+        Consistent ones first, each group by its gain. Empty if the short run with the telemetry as read fails.
     """
 
     def problem_of(repaired: Telemetry) -> Problem:
@@ -140,7 +140,7 @@ def rank_causes(
 def _evaluate(problem: Problem) -> tuple[float, bool] | None:
     """Log likelihood of the constraints in a short run, nats, and whether none of them is rejected.
 
-    None if the run ends: a covariance is not positive definite, or the position is less well known than the planet's
+    None if the run fails: a covariance is not positive definite, or the position is less well known than the planet's
     size.
     """
     altimeter = [c for c in problem.constraints if isinstance(c, Altimeter)]

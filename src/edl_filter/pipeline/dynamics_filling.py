@@ -3,9 +3,9 @@
 Input: telemetry whose lost stretches an autoregression has filled (`telemetry.sample_filling`), a run of the filter
 with it, and the forward model. Method: along the path of that run, the rotational motion across each stretch is
 smoothed from the readings on both sides, and within it from the axes that are read (`navigation.motion_smoother`).
-Output: a run with telemetry in which the stretches have these values. Of two methods the one with the smaller sigma
-would be the one that is too certain: where motion or air density change across the stretch, which the autoregression
-does not model, it is wrong by ten sigmas.
+Output: a run with telemetry in which the stretches have these values. The dynamics are used even where the
+autoregression states a smaller sigma: where motion or air density change across the stretch, the autoregression is
+wrong by ten of its sigmas.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def filled_by_dynamics(first: Run, model: ForwardModel, parachute: float, run: C
 
 
 def _merged(stretches: set[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Stretches (begin and end, s) without overlap: those of two triads that overlap are one."""
+    """Stretches (start and end, s) without overlap: those of two triads that overlap are one."""
     merged: list[tuple[float, float]] = []
     for start, end in sorted(stretches):
         if merged and start < merged[-1][1] - SAME_TIME:
@@ -144,7 +144,7 @@ def window_around(
     Parameters
     ----------
     stretch : tuple of two floats
-        Its begin and end, s.
+        Its start and end, s.
     base : ImuRecord
         The driving IMU, filled by the autoregression.
     run : Run
@@ -362,7 +362,7 @@ def _changed_readings(
 
 
 def _has_single_axis(axes: Array) -> bool:
-    """Whether the first one of a triad's axes in a window, rows (3, 3), is lost alone: the others are body axes."""
+    """Whether one axis of a triad is lost alone in a window: otherwise its axes, rows (3, 3), are the body's."""
     return not np.array_equal(axes, np.eye(3))
 
 

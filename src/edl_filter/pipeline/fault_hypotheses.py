@@ -16,6 +16,7 @@ from itertools import permutations
 
 import h5py
 import numpy as np
+from scipy import constants
 
 from edl_filter import rotations
 from edl_filter.mission import Mission
@@ -28,7 +29,6 @@ from edl_filter.types import AXES, Array
 #: Shifts of a clock (s) and relative errors of a scale that are tried; the best is refined.
 SHIFTS = (-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0)
 SCALE_ERRORS = (-0.1, -0.03, -0.01, -0.003, 0.003, 0.01, 0.03, 0.1)
-FOOT, GRAVITY = 0.3048, 9.80665
 #: Largest ratio of two IMUs' readings that are in one unit: below the square root of that of feet and metres.
 _SAME_UNIT = 1.7
 
@@ -138,7 +138,7 @@ def fault_hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[FaultHy
 
 def _unit_hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[FaultHypothesis]:
     for quantity, factors in (
-        ("specific_force", {"g": GRAVITY, "ft/s^2": FOOT}),
+        ("specific_force", {"g": constants.g, "ft/s^2": constants.foot}),
         ("angular_rate", {"deg/s": np.pi / 180.0, "rpm": np.pi / 30.0}),
     ):
         words = quantity.replace("_", " ")
@@ -148,7 +148,7 @@ def _unit_hypotheses(mission: Mission, telemetry: Telemetry) -> Iterator[FaultHy
             text = f"units, the {words} was multiplied by {factor:.4g} once too often ({unit})"
             yield FaultHypothesis("units", text, _scaled(quantity, 1.0 / factor))
     if telemetry.altimeter is not None:
-        for unit, factor in {"ft": FOOT, "km": 1e3}.items():
+        for unit, factor in {"ft": constants.foot, "km": 1e3}.items():
             yield FaultHypothesis("units", f"units, the altimeter is in {unit}", _scaled_altimeter(factor))
             text = f"units, the altimeter was multiplied by {factor:.4g} once too often ({unit})"
             yield FaultHypothesis("units", text, _scaled_altimeter(1.0 / factor))

@@ -5,7 +5,8 @@ Four laws need neither an atmosphere nor an aerodynamic database:
 - **drag**: while the air decelerates the vehicle most, the mean specific force points to -x of the body axes, within
   60 degrees. Blunt bodies fly at less than 20 degrees of total angle of attack, lifting ones at up to 45;
 - **momentum**: the specific force, integrated from the entry state to the parachute, is the speed that the vehicle has
-  lost. It is between `LOST_SPEED` of the entry speed, since the parachute opens far below it and gravity adds little;
+  lost. Its ratio to the entry speed is within `LOST_SPEED`, since the parachute opens far below it and gravity adds
+  little;
 - **gravity**: at rest on the surface, the accelerometers read the gravity of the planet;
 - **rigid body**: two IMUs of one vehicle measure the same angular rate.
 
@@ -18,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import constants
 
 from edl_filter.estimation.series import finite_rows, interpolate_columns
 from edl_filter.mission import Mission
@@ -32,11 +34,11 @@ DRAG_COSINE = 0.5
 #: Share of the largest deceleration above which samples count as deceleration.
 DECELERATION_SHARE = 0.3
 #: Limits of the integrated specific force over the entry speed, and of the force at rest over gravity.
-LOST_SPEED, GRAVITY = (0.6, 1.4), (0.8, 1.25)
+LOST_SPEED, GRAVITY_RATIO = (0.6, 1.4), (0.8, 1.25)
 #: Largest relative difference of the rates of two IMUs, and that with which a factor or other axes explain it.
 RATE_DIFFERENCE, EXPLAINED_DIFFERENCE = 0.3, 0.15
 #: Unit in which a specific force may have been recorded → its value in m/s².
-FORCE_UNITS = {"g": 9.80665, "ft/s^2": 0.3048, "km/s^2": 1e3, "mm/s^2": 1e-3}
+FORCE_UNITS = {"g": constants.g, "ft/s^2": constants.foot, "km/s^2": 1e3, "mm/s^2": 1e-3}
 #: The same of an angular rate, in rad/s.
 RATE_UNITS = {"deg/s": float(np.pi / 180.0), "deg/h": float(np.pi / 648000.0), "rpm": float(np.pi / 30.0)}
 
@@ -146,9 +148,9 @@ def _check_gravity(where: str, at_rest: Array, planet: Planet, position: Array) 
     """
     gravity = float(np.linalg.norm(planet.apparent_gravity(position)))
     reading = float(np.linalg.norm(np.median(at_rest, axis=0)))
-    if GRAVITY[0] <= reading / gravity <= GRAVITY[1]:
+    if GRAVITY_RATIO[0] <= reading / gravity <= GRAVITY_RATIO[1]:
         return None
-    unit = likely_unit(reading / gravity, GRAVITY, FORCE_UNITS)
+    unit = likely_unit(reading / gravity, GRAVITY_RATIO, FORCE_UNITS)
     finding = (
         f"{where}: at rest after the landing the accelerometers read {reading:.3g} m/s^2; the gravity of the planet is "
         f"{gravity:.3g} m/s^2."

@@ -385,7 +385,7 @@ def _first_runs(
 
 
 def lost_stretches(record: ImuRecord) -> list[tuple[float, float]]:
-    """Begin and end of the samples that stand for lost ones, s: those that were filled, or whose source says so."""
+    """Start and end of the samples that stand for lost ones, s: those that were filled, or whose source says so."""
     sources = [k for k, name in enumerate(record.sources) if any(word in name for word in ("gap", "filled", "lost"))]
     selected = record.filled | np.isin(record.source, sources)
     return list(zip(record.time[selected] - record.interval[selected], record.time[selected], strict=True))

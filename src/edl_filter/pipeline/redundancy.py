@@ -2,7 +2,7 @@
 
 A disagreement (`telemetry.disagreement`) shows that samples of one IMU are wrong, and not of which, and of a change in
 mid-flight not whether the samples before it or after it are. The hypotheses are that one IMU or the other has lost its
-samples in the stretch, from its begin to the end of the record, or outside it. Each is repaired from the other IMU,
+samples in the stretch, from its start to the end of the record, or outside it. Each is repaired from the other IMU,
 whose calibration against the first keeps a constant error of the first as it is, and the filter runs once
 (multiple-model test: Magill 1965, IEEE Trans. Autom. Control 10, 434; Willsky 1976, Automatica 12, 601).
 
@@ -41,7 +41,7 @@ _COVER = 1.0
 #: the comparison where it ends by less than this before the parachute, s.
 _MARGIN = 1.0
 _COMPARED = _MARGIN + WINDOW
-#: Begin and end of the stretches of each triad, s.
+#: Start and end of the stretches of each triad, s.
 Stretches = Mapping[str, Sequence[tuple[float, float]]]
 
 
@@ -196,9 +196,9 @@ def _best(
 
 
 def _hypotheses(findings: list[SampleFinding], begin: float, parachute: float) -> list[Stretches]:
-    """Stretches of each triad that may be wrong: the disagreement, all but it, all from its begin on.
+    """Stretches of each triad that may be wrong: the disagreement, all but it, all from its start on.
 
-    IMUs are compared from the begin of both records (s) to the parachute. One that is at fault until then is taken to
+    IMUs are compared from the start of both records (s) to the parachute. One that is at fault until then is taken to
     be so to the end of the record. Stretches of both triads that begin within one window are one fault of the packets,
     which ends with the later of the two: where force or rate changes slowly, late readings show in the other triad
     only. A fault begins or ends somewhere in the last window of a disagreement: both hypotheses take it for lost.

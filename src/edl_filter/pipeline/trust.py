@@ -1,8 +1,8 @@
 """Whether a reconstruction may be trusted, and the likeliest cause if not.
 
 A reconstruction is not trustworthy if the landing, the rest on the surface or most readings of the altimeter were
-rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). It is not
-either if
+rejected: they are independent of the IMU and none of them is rejected by chance (`filter.gate_probability`). Nor is it
+trustworthy if
 
 - its state contradicted its measurements and no lost samples explain that (`navigation.recovery`);
 - the attitude after lost samples is not known at all, or the path about which the flight is linearised does not
@@ -52,8 +52,8 @@ CAUSES = 5
 _CAUSES_OF_READINGS = ("units", "axes", "sign")
 #: Sigma of an angle of which nothing is known, uniform between -π and π, rad.
 UNKNOWN_ANGLE = float(np.pi / np.sqrt(3.0))
-#: Least increase of the force by a parachute's opening, and deceleration before it, m/s². The openings of both rovers
-#: and of all simulated flights increase it 6 to 10 times.
+#: Least ratio of the force after a parachute's opening to that before it, and least deceleration before it, m/s². The
+#: openings of both rovers and of all simulated flights increase it 6 to 10 times.
 _OPENING_SHOCK, _LEAST_DECELERATION = 2.0, 1.0
 #: Step of the search for the opening shock, s.
 _SHOCK_STEP = 0.25
@@ -75,7 +75,7 @@ class Trust:
     rejected : dict
         Name of a constraint that contradicts the reconstruction → number of its rejected uses, and of all.
     causes : tuple of Cause
-        The likeliest first; empty for a trustworthy one.
+        The likeliest first; empty where a reason other than a contradiction decides.
     """
 
     trustworthy: bool

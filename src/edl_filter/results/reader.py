@@ -64,7 +64,7 @@ class ValidationDomain:
         Times from which the deceleration is measurable and from which the force coefficients are significant, and the
         last time before the parachute, s since the epoch.
     instabilities : tuple of (float, float)
-        Begin and end of the static instabilities, s since the epoch.
+        Start and end of the static instabilities, s since the epoch.
     mach_times : dict
         Mach number as text → time at which the flight falls below it, s since the epoch.
     continuum : (float, float), optional

@@ -11,6 +11,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from scipy import constants
 
 from edl_filter import rotations
 from edl_filter.errors import InputError, quoted
@@ -37,11 +38,9 @@ from edl_filter.telemetry.record import (
 )
 from edl_filter.types import Array
 
-#: Standard gravity, the unit g of accelerometers' data sheets, m/s².
-G = 9.80665
 #: Factors from the units of the log to SI.
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-_FORCE = {"m/s^2": 1.0, "g": G, "mg": 1e-3 * G}
+_FORCE = {"m/s^2": 1.0, "g": constants.g, "mg": 1e-3 * constants.g}
 _RATE = {"rad/s": 1.0, "deg/s": np.pi / 180.0, "deg/h": np.pi / 180.0 / 3600.0}
 _LENGTH = {"m": 1.0, "km": 1e3}
 #: The same for increments per sample, which become means when they are divided by the sampling interval.

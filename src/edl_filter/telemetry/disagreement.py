@@ -201,7 +201,7 @@ def _slope(values: Array, regressor: Array) -> tuple[float, float]:
     """Regression of (n, 3) on (n, 3) without a constant, and its sigma.
 
     The larger one of the sigmas for residuals of one variance and of any variance (White 1980, Econometrica 48, 817): a
-    single large difference, as at the begin of a fault, determines the slope and has no residual.
+    single large difference, as at the start of a fault, determines the slope and has no residual.
     """
     square = float(np.sum(regressor**2))
     if len(values) < _FEWEST or square == 0.0:
@@ -240,14 +240,14 @@ def _iterated_consensus(
     for iteration in range(_CONSENSUS):
         parity = parity_of(pair, triad, rows, delay)
         delay, before = parity.delay, significant
-        significant = _in_windows(parity, pair, triad, probability)
+        significant = _in_windows(parity, pair, probability)
         rows = pair.usable & ~significant
         if np.count_nonzero(rows) < FEWEST_SAMPLES or (iteration and np.array_equal(significant, before)):
             break
     return significant, delay
 
 
-def _in_windows(parity: Parity, pair: Pair, triad: str, probability: float) -> BoolArray:
+def _in_windows(parity: Parity, pair: Pair, probability: float) -> BoolArray:
     """Samples (N,) in a window of which the median of the squares, or the mean of the parity, is significant.
 
     A median or a mean exceeds its limit where most of its window does: all of the window may be wrong. The mean is that

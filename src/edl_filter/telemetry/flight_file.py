@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import constants
 
 from edl_filter import rotations
 from edl_filter.errors import InputError
@@ -49,7 +50,7 @@ from edl_filter.types import Array
 
 FORMAT, VERSION = "edl-flight", 1
 _RADIUS = Limits("m", 1e5, 1e8, {"km": 1e3})
-_REST = Limits("m/s^2", 0.5, 30.0, {"g": 9.80665, "mg": 9.80665e-3})
+_REST = Limits("m/s^2", 0.5, 30.0, {"g": constants.g, "mg": 1e-3 * constants.g})
 #: Samples beyond the limits that are bad ones; more of them have a wrong unit.
 MOST_OUT_OF_RANGE = 16
 #: Largest relative difference between the median step in time and the sampling interval.
@@ -64,7 +65,7 @@ ERROR_ATTRIBUTES = {
     "gyro_bias": ("gyro_bias_sigma", Limits("rad/s", 0.0, 0.1, DEGREE_RATES)),
     "gyro_scale": ("gyro_scale_sigma", Limits("", 0.0, 0.1, PARTS)),
 }
-_FORCE_UNITS = {"mg": 9.80665e-3}
+_FORCE_UNITS = {"mg": 1e-3 * constants.g}
 #: IMU → quantity → factor from the unit in which its readings may be stored to that of the format.
 UnitFactors = Mapping[str, Mapping[str, float]]
 

@@ -206,9 +206,9 @@ class SampleFinding:
     Attributes
     ----------
     imu : str
-        Name of the record.
+        Name of the record, or ``altimeter``.
     channel : str
-        ``force`` or ``rate``, with an axis of the IMU (``force x``); ``all``: both triads.
+        ``force`` or ``rate``, with an axis of the IMU (``force x``); ``all``: both triads; ``height`` of the altimeter.
     start, end : float
         From the first sample's beginning to the last one's end, s since the epoch.
     samples : int
@@ -218,7 +218,7 @@ class SampleFinding:
     repair : str
         What was done, one phrase.
     interpolated : tuple of (float, float)
-        Parts that no other IMU covers, from begin to end, s: filled from their neighbours.
+        Parts that no other IMU covers, from start to end, s: filled from their neighbours.
     limit : tuple of three floats, optional
         Of a saturated axis whose reading is the farthest from zero, or its counterpart on the other side of a symmetric
         range: this reading times the axis, m/s² or rad/s, body axes.

@@ -184,7 +184,7 @@ def _dead_axes(readings: Array, noise: tuple[float, float]) -> list[int]:
 
     The others are those of the triad, or, where all of it reads one value, those of the other triad: coarse steps of
     the quantisation may contain the whole motion about an axis. A simulation without noise may have axes on which
-    nothing acts; its other axes are smooth where the vehicle is calm. Their fourth difference, of independent noise √70
+    nothing acts; its other axes are smooth where the motion is. Their fourth difference, of independent noise √70
     times its sigma, is compared at its quantile of 10 %, which is 0.126 sigmas of a normal distribution.
     """
     constant = [k for k, v in enumerate(readings.T) if np.isfinite(v).any() and np.nanmin(v) == np.nanmax(v)]

@@ -10,7 +10,7 @@ be wrong (`ImuRecord.force_fill_sigma`), and what was done where.
 The errors of a filled stretch are correlated in time. Each of its n samples has the sigma of independent errors whose
 sum over the stretch has the right variance: with a common error c and independent errors s, ``√(s² + n c²)``. What the
 calibration of two IMUs does not determine is common to all samples that are transferred, whose number is n then: a
-short stretch beside longer ones has a larger sigma than by itself. The sigma of rates includes the coning of an
+short stretch has a larger sigma in a record that has longer ones. The sigma of rates includes the coning of an
 oscillation whose phase is not known.
 """
 
@@ -33,7 +33,7 @@ from edl_filter.types import Array, BoolArray, IntArray
 
 #: Time before the parachute from which samples are not compared: the mortar's recoil, s.
 PARACHUTE_MARGIN = 1.0
-#: Time after the parachute's deployment by which the canopy is full and its shock is over, s. The deceleration of both
+#: Time after the parachute's deployment by which the opening shock is over, s. The deceleration of both
 #: rovers jumps to its peak at 1.1 to 1.3 s and falls smoothly from 2.5 s on.
 INFLATION = 3.0
 #: Repair of a stretch that no other IMU covers, and where dynamics have filled it anew.
@@ -45,7 +45,7 @@ SHORTEST_BY_DYNAMICS = 0.5
 ACROSS_OPENING = "filled across the parachute's opening from both sides"
 #: Samples on each side of a stretch to which an autoregression is fitted: at least, and relative to its length.
 _LEAST_SIDE, _SIDE_RATIO = 80, 1.5
-#: Time after the deployment by which the canopy is full, s: 1.1 to 1.3 s on both rovers.
+#: Latest time after the deployment at which the canopy becomes full, s: 1.1 to 1.3 s on both rovers.
 _FULL = 2.0
 #: Fewest values from which the drag of the full canopy is extrapolated.
 _LEAST_VALUES = 8
@@ -74,7 +74,7 @@ def filled(
     -------
     record : ImuRecord
     repairs : list of (float, float, str)
-        Begin and end of each filled stretch, s, and how it was filled.
+        Start and end of each filled stretch, s, and how it was filled.
 
     Raises
     ------

@@ -187,7 +187,7 @@ def without_samples(
     name : str
         Name of the IMU.
     lost : dict
-        Triad (``force``, ``rate``) → begin and end of its stretches, s. Samples of an instrument that has none before
+        Triad (``force``, ``rate``) → start and end of its stretches, s. Samples of an instrument that has none before
         the parachute's deployment stay: it drives after another one.
     settings : CheckSettings, optional
         Thresholds of the checks.
@@ -230,7 +230,7 @@ def _as_read(telemetry: Telemetry) -> Telemetry:
 
 
 def interpolated_stretches(telemetry: Telemetry) -> list[tuple[float, float]]:
-    """Begin and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
+    """Start and end of the driving IMU's stretches that no other IMU has and their neighbours fill, s."""
     name = telemetry.driving.name
     return sorted({stretch for f in telemetry.findings if f.imu == name for stretch in f.interpolated})
 

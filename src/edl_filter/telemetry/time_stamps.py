@@ -216,7 +216,7 @@ def _in_step(time: Array, readings: Array, interval: float, imu: str) -> tuple[A
             places = round(following) - 1
             count = min(places, end - first)
             steps_after = np.arange(1, count + 1)
-            if places > count:  # samples are missing beside them
+            if places > count:  # samples are missing next to them
                 steps_after = np.clip(np.round((out[first:end] - out[last]) / step), 1, places).astype(np.int64)
             out[first : first + count] = out[last] + step * steps_after
             retained[first + count : end] = False

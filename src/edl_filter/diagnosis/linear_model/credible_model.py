@@ -4,12 +4,12 @@ Input: a `FlightCase`. Output: `LinearizedModel` about one or two points. Method
 
 1. Scale and correlation lengths of the database's error are estimated where the mission asks for it
    (``aerodynamics.discrepancy.estimate``): type-II maximum likelihood, the maximum of the residuals' marginal
-   likelihood about the smoothed reconstruction, with the price of the excess noise and a lognormal prior about the
+   likelihood about the smoothed reconstruction, with the penalty of the excess noise and a lognormal prior about the
    stated values (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, section 5.4; Kennedy and
    O'Hagan, J. R. Statist. Soc. B 63 (2001) 425, section 4.3). It is searched over the logarithms by the simplex method
    (Nelder and Mead, Computer J. 7 (1965) 308), since the rows that have excess noise change from one evaluation to the
    next. All that follows has the estimated values. What is missing in the model, too, makes the database's error larger
-   or rougher here; so by default nothing is estimated.
+   or less correlated here; so by default nothing is estimated.
 2. The linearisation point is iterated (`linearization`).
 3. Where the model fails about the smoothed reconstruction, its other mode is searched.
 """
@@ -108,7 +108,7 @@ def _with_values(case: FlightCase, names: tuple[str, ...], values: Array) -> Fli
 
 
 def _log_evidence(case: FlightCase) -> float:
-    """Log marginal likelihood about the smoothed reconstruction, with the price of the excess noise, nats."""
+    """Log marginal likelihood about the smoothed reconstruction, with the penalty of the excess noise, nats."""
     model = linearize_at(case, smoothed_point(case.reconstruction))
     return model.white_excess_log_evidence
 

@@ -288,9 +288,9 @@ def linearize(
     point away from the truth; so the iteration ends where more than `max_excess_share` of the rows have excess
     variance. The iteration is no descent: where the angle of attack passes the nodes of a table, the likelihood may
     fall by some nats from one point to the next. So the most probable model of all points is returned: of those that
-    hold without excess variance, if there are any, or of those that hold. An effect is fitted about the most likely of
-    its points too (`at_map_point`); if the model without it were about a less likely one, the difference would be a
-    gain of every effect.
+    hold without excess variance, if there are any, or of those that hold, or of all if none holds. An effect is fitted
+    about the most likely of its points too (`at_map_point`); if the model without it were about a less likely one, the
+    difference would be a gain of every effect.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ against the prediction and not in those of a checking IMU, whose excess stays wh
 The correlation time, and a factor on the white variance, are those of the largest marginal likelihood on a grid
 (`diagnosis.excess_memories_s`, `excess_colour_factors`), one pair for the three forces and one for the three moments: a
 structure shakes the accelerometers within a time bin, whereas the moment follows the flow over the aftbody and the
-oscillation of the vehicle. The choice has a price, the logarithm of the number of pairs for each of the two.
+oscillation of the vehicle. The choice has a penalty, the logarithm of the number of pairs for each of the two.
 """
 
 from __future__ import annotations

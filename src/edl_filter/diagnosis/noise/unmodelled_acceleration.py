@@ -45,7 +45,7 @@ from edl_filter.types import Array
 
 #: Factor by which the amplitudes on the grid are refined.
 _REFINEMENT = 3.0
-#: Gain of an amplitude below which it is zero, nats: the price of one parameter (Akaike, IEEE TAC 19 (1974) 716).
+#: Gain of an amplitude below which it is zero, nats: the penalty of one parameter (Akaike, IEEE TAC 19 (1974) 716).
 _LEAST_GAIN = 1.0
 
 

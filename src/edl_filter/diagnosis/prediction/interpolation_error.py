@@ -96,11 +96,11 @@ class PredictedRotation:
         self._angle = self._rate.antiderivative()
 
     def angle(self, time: Array) -> Array:
-        """Integrals ``(..., 3)`` of the rate since the begin, at times ``(...)`` up to the end, rad."""
+        """Integrals ``(..., 3)`` of the rate since the start, at times ``(...)`` up to the end, rad."""
         return np.asarray(self._angle(time), float)
 
     def rate(self, time: Array) -> Array:
-        """Rates ``(..., 3)`` at times ``(...)`` from the begin to the end, rad/s."""
+        """Rates ``(..., 3)`` at times ``(...)`` from the start to the end, rad/s."""
         return np.asarray(self._rate(time), float)
 
     def mean_rate(self, edges: Array) -> Array:

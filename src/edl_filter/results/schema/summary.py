@@ -231,10 +231,10 @@ class AngleAgreements(Content):
 
 
 class Instabilities(Content):
-    """Begin and end of the two static instabilities; null where there is none."""
+    """Start and end of the two static instabilities; null where there is none."""
 
-    first: tuple[Number, Number] | None = key("begin and end of the first, s since the epoch")
-    second: tuple[Number, Number] | None = key("begin and end of the second, s since the epoch")
+    first: tuple[Number, Number] | None = key("start and end of the first, s since the epoch")
+    second: tuple[Number, Number] | None = key("start and end of the second, s since the epoch")
 
 
 class InstabilitySources(Content):
