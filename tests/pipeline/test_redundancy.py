@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from edl_filter.effects.base import EffectInstance
+from edl_filter.effects.registry import find_effect
 from edl_filter.mission import Mission
-from edl_filter.pipeline import load
+from edl_filter.pipeline import load, redundancy
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import FlightInputs, assemble, reconstruct
 from edl_filter.pipeline.redundancy import _gain, _hypotheses, _with_adjacent_spikes, undecided
@@ -205,3 +207,15 @@ def test_imus_between_which_nothing_decides_are_not_trusted(flight):
 
 def test_a_clean_flight_is_not_changed(flight):
     assert checked(flight, flight[1]) is flight[1]
+
+
+def test_further_reconstructions_have_the_readings_of_the_first(flight, monkeypatch):
+    """A diagnosis compares hypotheses: the samples of an IMU at fault are replaced once, and not for some of them."""
+    mission, telemetry, *_ = flight
+    wrong = faulty(telemetry, "primary", {RATE: noise(1e-3)}, end=130.0)
+    first = reconstruct(mission, (), leave_one_out=False, recover=False, inputs=FlightInputs(wrong))
+    assert not undecided(first.telemetry) and first.telemetry.driving is not wrong.driving
+    monkeypatch.setattr(redundancy, "_best", lambda *_: pytest.fail("arbitrated again"))
+    bias = EffectInstance(find_effect("accelerometer_bias"), {"bx": 0.01})
+    again = reconstruct(mission, (bias,), leave_one_out=False, recover=False, inputs=first.inputs)
+    assert again.telemetry is first.telemetry
