@@ -94,7 +94,7 @@ TESTS = {
     "estimation/random_fields.py": ("estimation/test_random_fields.py",),
     "estimation/small_matrices.py": ("estimation/test_small_matrices.py",),
     "estimation/parallel.py": ("estimation/test_parallel.py",),
-    "navigation/screening.py": ("navigation/test_screening.py",),
+    "navigation/outlier_screening.py": ("navigation/test_outlier_screening.py",),
     "navigation/recovery.py": ("navigation/test_recovery.py",),
     "navigation/consensus.py": ("navigation/test_consensus.py",),
     "navigation/robust.py": ("navigation/test_robust.py",),

@@ -16,8 +16,8 @@ from edl_filter.navigation.filter import Settings, build_problem, run_filter
 from edl_filter.navigation.initial import EntryErrors
 from edl_filter.navigation.iterated import _largest_distance, iterate, linearized_pass, may_be_nonlinear, run_without
 from edl_filter.navigation.leave_one_out import check_constraints
+from edl_filter.navigation.outlier_screening import Divergence
 from edl_filter.navigation.recovery import contradiction, first_pass, run_with_recovery
-from edl_filter.navigation.screening import Divergence
 from edl_filter.navigation.smoother import smooth
 from edl_filter.pipeline.load import read_atmosphere, read_telemetry
 from edl_filter.pipeline.reconstruct import assemble, lost_stretches

@@ -10,8 +10,8 @@ import twins
 from edl_filter.navigation import recovery
 from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.estimator import Innovation
+from edl_filter.navigation.outlier_screening import Divergence
 from edl_filter.navigation.recovery import contradiction, log_likelihood, used_once
-from edl_filter.navigation.screening import Divergence
 
 DIVERGENCE = Divergence(3.0, ("altimeter",), 8, 90.0, 30.0, 2)
 

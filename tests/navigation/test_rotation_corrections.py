@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from edl_filter.navigation.rotation_corrections import (
-    nodes,
+    gauss_legendre,
     rotation_corrections,
 )
 
 
 def test_nodes_integrate_polynomials_exactly():
-    x, weights = nodes(5)
+    x, weights = gauss_legendre(5)
     for power in range(10):
         assert weights @ x**power == pytest.approx(1.0 / (power + 1), rel=1e-13)
 

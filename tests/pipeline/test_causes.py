@@ -8,8 +8,8 @@ import pytest
 from faulty_telemetry import SWAP_XY, SWAP_XZ, turned, with_altimeter
 
 from edl_filter import rotations
+from edl_filter.navigation.outlier_screening import Divergence
 from edl_filter.navigation.recovery import Recovery
-from edl_filter.navigation.screening import Divergence
 from edl_filter.pipeline.causes import (
     _curvature_sigma,
     _evaluate,

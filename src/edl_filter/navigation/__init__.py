@@ -14,6 +14,6 @@ measurement models. `estimator` is the interface of the filters: `ukf` (unscente
 samples were filled. `trajectory` interpolates between the epochs. Along it, `rotational_dynamics` predicts how the
 vehicle moves, `motion_model` makes a stochastic model of it, and `motion_smoother` predicts what an IMU would have
 read where readings are lost. `leave_one_out` checks the constraints, with the `information` that each contributes.
-Measurements far from their prediction are given less weight on request (`robust`); `screening` examines readings by
-their `consensus`, and `recovery` runs the filter again where its state is the outlier.
+Measurements far from their prediction are given less weight on request (`robust`); `outlier_screening` examines
+readings by their `consensus`, and `recovery` runs the filter again where its state is the outlier.
 """

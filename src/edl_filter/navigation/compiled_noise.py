@@ -2,8 +2,8 @@
 
 The attitude error is expressed in inertial axes, where it is constant, until `in_body_axes`. A sample's force noise
 adds to velocity at once and to position over the remaining time. A rotation error ψ turns all force that follows in the
-interval: it adds ``ψ × p`` to the position and ``ψ × v`` to the velocity, with the path p and the velocity v that the
-force gives from there to the end. With the covariance W of ψ, the blocks of the covariance are ``[p]ₓ W [p]ₓᵀ``,
+interval: it adds ``ψ × p`` to the position and ``ψ × v`` to the velocity, with the position p and the velocity v that
+the force gives from there to the end. With the covariance W of ψ, the blocks of the covariance are ``[p]ₓ W [p]ₓᵀ``,
 ``[p]ₓ W [v]ₓᵀ`` and so on. Gravity's gradient over one interval (1e-6 s⁻² over seconds) is neglected.
 """
 
@@ -36,9 +36,9 @@ def noise_of_samples(interval, middle, force, velocity_variance, rotation_varian
         By all errors of the rotation, and by those of the filter's copy of the readings.
     """
     cov, unshared, moments = np.zeros((9, 9)), np.zeros((9, 9)), np.zeros((3, 3, 3))
-    gain, path, axes = np.zeros(3), np.zeros(3), np.empty((3, 3))
-    inertial, half_gain, half_path = np.empty(3), np.empty(3), np.empty(3)
-    square, by_path, by_gain = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    velocity, position, axes = np.zeros(3), np.zeros(3), np.empty((3, 3))
+    inertial, half_velocity, half_position = np.empty(3), np.empty(3), np.empty(3)
+    square, by_position, by_velocity = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     remaining = 0.0
     for i in range(interval.size - 1, -1, -1):
         dt = interval[i]
@@ -48,8 +48,8 @@ def noise_of_samples(interval, middle, force, velocity_variance, rotation_varian
         half_remaining = remaining + 0.5 * dt
         moment = 0.5 * dt * remaining + 0.125 * dt * dt
         for k in range(3):
-            half_gain[k] = gain[k] + 0.5 * dt * inertial[k]
-            half_path[k] = path[k] + moment * inertial[k]
+            half_velocity[k] = velocity[k] + 0.5 * dt * inertial[k]
+            half_position[k] = position[k] + moment * inertial[k]
         _in_inertial_axes(axes, velocity_variance[i], square)
         for r in range(3):
             for c in range(r, 3):
@@ -57,13 +57,13 @@ def noise_of_samples(interval, middle, force, velocity_variance, rotation_varian
                 moments[1, r, c] += square[r, c] * half_remaining
                 moments[2, r, c] += square[r, c] * half_remaining * half_remaining
         _in_inertial_axes(axes, rotation_variance[i], square)
-        _add_rotation_noise(cov, square, half_path, half_gain, by_path, by_gain)
+        _add_rotation_noise(cov, square, half_position, half_velocity, by_position, by_velocity)
         if unshared_variance[i, 0] + unshared_variance[i, 1] + unshared_variance[i, 2] > 0.0:
             _in_inertial_axes(axes, unshared_variance[i], square)
-            _add_rotation_noise(unshared, square, half_path, half_gain, by_path, by_gain)
+            _add_rotation_noise(unshared, square, half_position, half_velocity, by_position, by_velocity)
         for k in range(3):
-            path[k] += (dt * remaining + 0.5 * dt * dt) * inertial[k]
-            gain[k] += dt * inertial[k]
+            position[k] += (dt * remaining + 0.5 * dt * dt) * inertial[k]
+            velocity[k] += dt * inertial[k]
         remaining += dt
     _complete(cov, moments)
     _complete(unshared, moments)
@@ -83,26 +83,26 @@ def _in_inertial_axes(axes, variance, square):
 
 
 @COMPILED
-def _add_rotation_noise(cov, square, path, gain, by_path, by_gain):
-    """Upper triangle of the covariance of a rotation, rad², with the path and velocity that the force gives after it.
+def _add_rotation_noise(cov, square, position, velocity, by_position, by_velocity):
+    """Upper triangle of the covariance of a rotation, rad², with position and velocity that the force gives after it.
 
-    `by_path` and `by_gain`, ``(3, 3)``, are overwritten: its covariances with the position and with the velocity.
+    `by_position` and `by_velocity`, ``(3, 3)``, are overwritten: its covariances with the position and the velocity.
     """
     for r in range(3):
         j, k = (r + 1) % 3, (r + 2) % 3
         for c in range(3):  # ψ × v, component r: ψ_j v_k - ψ_k v_j
-            by_path[r, c] = square[j, c] * path[k] - square[k, c] * path[j]
-            by_gain[r, c] = square[j, c] * gain[k] - square[k, c] * gain[j]
-            cov[r, 6 + c] += by_path[r, c]
-            cov[3 + r, 6 + c] += by_gain[r, c]
+            by_position[r, c] = square[j, c] * position[k] - square[k, c] * position[j]
+            by_velocity[r, c] = square[j, c] * velocity[k] - square[k, c] * velocity[j]
+            cov[r, 6 + c] += by_position[r, c]
+            cov[3 + r, 6 + c] += by_velocity[r, c]
     for r in range(3):
         for c in range(3):
             j, k = (c + 1) % 3, (c + 2) % 3
-            cov[r, 3 + c] += by_path[r, j] * gain[k] - by_path[r, k] * gain[j]
+            cov[r, 3 + c] += by_position[r, j] * velocity[k] - by_position[r, k] * velocity[j]
             if c >= r:
                 cov[6 + r, 6 + c] += square[r, c]
-                cov[r, c] += by_path[r, j] * path[k] - by_path[r, k] * path[j]
-                cov[3 + r, 3 + c] += by_gain[r, j] * gain[k] - by_gain[r, k] * gain[j]
+                cov[r, c] += by_position[r, j] * position[k] - by_position[r, k] * position[j]
+                cov[3 + r, 3 + c] += by_velocity[r, j] * velocity[k] - by_velocity[r, k] * velocity[j]
 
 
 @COMPILED

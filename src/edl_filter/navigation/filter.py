@@ -23,8 +23,8 @@ from edl_filter.navigation.estimator import ErrorStateFilter, Innovation, Transi
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.initial import EntryErrors, initial_estimate, sensor_prior
 from edl_filter.navigation.layout import ONBOARD, Layout, State
+from edl_filter.navigation.outlier_screening import Divergence, Screening
 from edl_filter.navigation.robust import Robust, measurement_weight, weighted
-from edl_filter.navigation.screening import Divergence, Screening
 from edl_filter.planet import Planet
 from edl_filter.telemetry.record import SAME_TIME, InitialState
 from edl_filter.types import Array
@@ -144,7 +144,7 @@ class Fused:
     weight : float
         By which its noise covariance was divided in a robust update; 1 otherwise.
     screened : bool
-        Whether it contradicts the other readings of its instrument (`screening`), whatever its gate says.
+        Whether it contradicts the other readings of its instrument (`outlier_screening`), whatever its gate says.
     """
 
     constraint: Constraint

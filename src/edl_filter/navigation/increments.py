@@ -189,14 +189,16 @@ class Samples:
         # as `strapdown.step`: a sample's force is in the axes of half its turn
         out.force[part[:-1]] = mean_force + (self.force[k] - self.mean_force[k])
         half_turns = rotations.from_rotation_vector(0.5 * out.rate[part] * dt[:, None])
-        gain = rotations.rotate(rotations.from_rotation_vector(0.5 * self.rate[k] * whole_dt), self.force[k] * whole_dt)
+        velocity_increment = rotations.rotate(
+            rotations.from_rotation_vector(0.5 * self.rate[k] * whole_dt), self.force[k] * whole_dt
+        )
         attitude = np.array([0.0, 0.0, 0.0, 1.0])
         for i, half_turn in zip(part[:-1], half_turns[:-1], strict=True):
             middle = rotations.multiply(attitude, half_turn)
-            gain = gain - rotations.rotate(middle, out.force[i]) * out.interval[i]
+            velocity_increment = velocity_increment - rotations.rotate(middle, out.force[i]) * out.interval[i]
             attitude = rotations.multiply(middle, half_turn)
         middle = rotations.multiply(attitude, half_turns[-1])
-        out.force[part[-1]] = rotations.rotate(rotations.conjugate(middle), gain) / dt[-1]
+        out.force[part[-1]] = rotations.rotate(rotations.conjugate(middle), velocity_increment) / dt[-1]
 
     def opened_at(self, time: float) -> Samples:
         """The same motion with a sample edge at the `time` (s) from which on a parachute pulls.

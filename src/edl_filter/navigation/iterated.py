@@ -14,8 +14,8 @@ Errors are vectors about the reference of each node. With F and H the Jacobians 
 
     d⁻ = F d + (f(x) ⊖ x⁺)        y = z - h(x) - H d⁻        d = d⁻ + K y
 
-In every pass the gate is applied to all constraints, accepted or rejected, except those that `screening` rejected: a
-measurement may contradict a prediction only because this was linearised far from it.
+In every pass the gate is applied to all constraints, accepted or rejected, except those that `outlier_screening`
+rejected: a measurement may contradict a prediction only because this was linearised far from it.
 """
 
 from __future__ import annotations

@@ -305,9 +305,9 @@ def log_posterior(window: Window, motion: LinearisedMotion) -> Callable[[Array],
     """
     observed = window.observed
     readings, design = motion.residual[observed], motion.design[observed]
-    every, still = slice(0, ERROR_SIZE), np.zeros((1, ERROR_SIZE, ERROR_SIZE))
+    every, no_change = slice(0, ERROR_SIZE), np.zeros((1, ERROR_SIZE, ERROR_SIZE))
     # a step begins where a bin begins, and has the readings of that bin
-    change = np.concatenate((still, motion.transition[:-1] - np.eye(ERROR_SIZE)))
+    change = np.concatenate((no_change, motion.transition[:-1] - np.eye(ERROR_SIZE)))
     increment = from_blocks(ERROR_SIZE, [(every, every, change)])
     row_start = np.concatenate(([0], np.cumsum(observed.sum(axis=1))))
     column = (np.cumsum(observed, axis=1) - 1)[observed]

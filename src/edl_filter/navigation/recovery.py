@@ -1,10 +1,10 @@
 """Recovery of a filter whose state has diverged from its measurements.
 
-The state is the outlier, and not a measurement, where readings that agree with each other contradict it (`screening`),
-and where two constraints of different sources do, such as the landing site and the rest on the surface. Where samples
-were lost and filled, one constraint is sufficient to test these, and if they explain it they are the cause. Then
-the covariance of the state was too small, and the filter runs again with more. Three causes are compared, each with one
-size:
+The state is the outlier, and not a measurement, where readings that agree with each other contradict it
+(`outlier_screening`), and where two constraints of different sources do, such as the landing site and the rest on the
+surface. Where samples were lost and filled, one constraint is sufficient to test these, and if they explain it they are
+the cause. Then the covariance of the state was too small, and the filter runs again with more. Three causes are
+compared, each with one size:
 
 - **gap**: the samples that stand for lost ones are wrong by more than their sigmas say;
 - **entry_state**: the stated entry state is wrong by more than its covariance says;
@@ -35,7 +35,7 @@ from edl_filter.navigation.consensus import quantile
 from edl_filter.navigation.filter import FilterPass, Fused, Problem, run_filter
 from edl_filter.navigation.increments import Samples
 from edl_filter.navigation.iterated import iterate, may_be_nonlinear
-from edl_filter.navigation.screening import Divergence
+from edl_filter.navigation.outlier_screening import Divergence
 from edl_filter.telemetry.record import SAME_TIME
 from edl_filter.types import Array, BoolArray
 

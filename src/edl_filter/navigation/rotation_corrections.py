@@ -30,7 +30,7 @@ from edl_filter.types import Array
 
 
 @cache
-def nodes(count: int) -> tuple[Array, Array]:
+def gauss_legendre(count: int) -> tuple[Array, Array]:
     """Nodes and weights of Gauss and Legendre on 0 to 1, ``(count,)`` each."""
     x, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (x + 1.0), 0.5 * weights

@@ -40,7 +40,7 @@ import numpy as np
 
 from edl_filter.estimation.interpolating_spline import DEGREE, integral_spline
 from edl_filter.estimation.series import moving_mean
-from edl_filter.navigation.rotation_corrections import nodes
+from edl_filter.navigation.rotation_corrections import gauss_legendre
 from edl_filter.telemetry.record import sample_edges
 from edl_filter.types import Array
 
@@ -77,7 +77,7 @@ def moment_weights(degree: int) -> Array:
     impulse = np.zeros((_SUPPORT, 1))
     impulse[_SUPPORT // 2] = 1.0
     rate = integral_spline(edges, np.ones(_SUPPORT), impulse, degree).derivative()
-    x, weights = nodes(4)
+    x, weights = gauss_legendre(4)
     moment = sum(w * (t - 0.5) * rate(edges[:-1] + t)[:, 0] for t, w in zip(x, weights, strict=True))
     return np.asarray(moment[::-1], np.float64)
 
@@ -106,7 +106,7 @@ def moment_covariance(order: int, degree: int = DEGREE) -> Array:
     response = np.vstack((slope, -0.5 * slope - moment_weights(degree)))
     for _ in range(order):
         response = _antiderivative(response)
-    x, weights = nodes(order + 2)
+    x, weights = gauss_legendre(order + 2)
     at_nodes = np.array([np.polyval(response, t) for t in x])
     return np.array([weights @ np.sum(at_nodes[:, k:] * at_nodes[:, : _SUPPORT - k], axis=1) for k in range(_SUPPORT)])
 
@@ -159,7 +159,7 @@ def intensity_sigma(edges: Array, interval: Array, mean: Array, order: int) -> A
     if len(interval) < 2 * order + 2:
         return np.zeros_like(mean)
     highest = integral_spline(edges, interval, mean, 2 * order + 1).derivative(order + 1)
-    square = sum(w * highest(edges[:-1] + t * interval) ** 2 for t, w in zip(*nodes(order + 1), strict=True))
+    square = sum(w * highest(edges[:-1] + t * interval) ** 2 for t, w in zip(*gauss_legendre(order + 1), strict=True))
     return np.sqrt(moving_mean(np.asarray(square * interval[:, None], np.float64), _AVERAGED))
 
 
@@ -182,23 +182,26 @@ def unresolved_motion(
     UnresolvedMotion
     """
     edges, dt = sample_edges(time, interval), interval[:, None]
-    turn, gain = rate * dt, force * dt
+    angle_increment, velocity_increment = rate * dt, force * dt
     jerk = intensity_sigma(edges, interval, rate, 2) * dt**2.5
     force_jumps = intensity_sigma(edges, interval, force, 1) * dt**1.5
-    by_force = _product_sigma(_summed(turn, 1), force_jumps)
-    of_gain, of_turn = _product_sigma(_summed(gain, 2), jerk), _product_sigma(_summed(turn, 2), jerk)
-    in_sample = _length(turn) * np.sqrt(moment_covariance(2)[0]) * _mean_sigma(jerk)
+    by_force = _product_sigma(_summed(angle_increment, 1), force_jumps)
+    of_velocity, of_angle = (
+        _product_sigma(_summed(velocity_increment, 2), jerk),
+        _product_sigma(_summed(angle_increment, 2), jerk),
+    )
+    in_sample = _length(angle_increment) * np.sqrt(moment_covariance(2)[0]) * _mean_sigma(jerk)
     impact = time > impacts_from
     if impact.any():
         jumps = _mean_sigma(intensity_sigma(edges, interval, rate, 1) * dt**1.5)
         # white noise: the difference from the mean of both neighbours has 3/2 of its variance
-        blows = _mean_sigma(np.sqrt(moving_mean(second_difference(gain) ** 2 / 1.5, _AVERAGED)))
+        impacts = _mean_sigma(np.sqrt(moving_mean(second_difference(velocity_increment) ** 2 / 1.5, _AVERAGED)))
         rows = impact[:, None]
-        by_force = np.where(rows, _product_sigma(_summed(turn, 0), _any_direction(blows)), by_force)
-        of_gain = np.where(rows, _product_sigma(_summed(gain, 1), _any_direction(jumps)), of_gain)
-        of_turn = np.where(rows, _product_sigma(_summed(turn, 1), _any_direction(jumps)), of_turn)
-        in_sample = np.where(impact, _length(turn) * np.sqrt(moment_covariance(1)[0]) * jumps, in_sample)
-    return UnresolvedMotion(np.hypot(by_force, of_gain) / dt, of_turn / dt, _ANGLE_UNKNOWN * in_sample / interval)
+        by_force = np.where(rows, _product_sigma(_summed(angle_increment, 0), _any_direction(impacts)), by_force)
+        of_velocity = np.where(rows, _product_sigma(_summed(velocity_increment, 1), _any_direction(jumps)), of_velocity)
+        of_angle = np.where(rows, _product_sigma(_summed(angle_increment, 1), _any_direction(jumps)), of_angle)
+        in_sample = np.where(impact, _length(angle_increment) * np.sqrt(moment_covariance(1)[0]) * jumps, in_sample)
+    return UnresolvedMotion(np.hypot(by_force, of_velocity) / dt, of_angle / dt, _ANGLE_UNKNOWN * in_sample / interval)
 
 
 def _summed(vectors: Array, order: int) -> Array:

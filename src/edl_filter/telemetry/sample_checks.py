@@ -257,9 +257,9 @@ def _limits(value: float, nearby: Array, values: Array) -> list[tuple[float, boo
     """
     if value == 0.0 or value != (np.nanmax(nearby) if value > 0.0 else np.nanmin(nearby)):
         return [(value, False)]
-    other = float(np.nanmin(values) if value > 0.0 else np.nanmax(values))
-    symmetric = abs(other + value) <= _SYMMETRIC * abs(value)
-    return [(value, True), (other, True)] if symmetric else [(value, True)]
+    opposite = float(np.nanmin(values) if value > 0.0 else np.nanmax(values))
+    symmetric = abs(opposite + value) <= _SYMMETRIC * abs(value)
+    return [(value, True), (opposite, True)] if symmetric else [(value, True)]
 
 
 def _improbable_zeros(readings: Array, probability: float) -> BoolArray:
@@ -297,8 +297,8 @@ def _repeated_rows(readings: Array) -> BoolArray:
     repeated = first[inverse.ravel()] != np.arange(int(finite.sum()))
     unusual = repeated.mean() <= _USUAL_REPETITION
     if not unusual and repeated.mean() <= _MOST_REPEATED:
-        others = readings[finite][~repeated]
-        recurring = 1.0 - max(len(np.unique(channel)) for channel in others.T) / len(others)
+        distinct = readings[finite][~repeated]
+        recurring = 1.0 - max(len(np.unique(channel)) for channel in distinct.T) / len(distinct)
         longest = max(b - a for a, b in runs(repeated))
         unusual = recurring < _FEW_RECUR and longest <= _REPEAT_REACH // 4
     if unusual:

@@ -318,10 +318,10 @@ def tilt_variance(
     for axis in range(3):
         covariance = fills[axis].covariance
         mean_square = float(np.mean(np.diag(summed @ covariance @ summed.T)))
-        for other, lateral in (((axis + 1) % 3, (axis + 2) % 3), ((axis + 2) % 3, (axis + 1) % 3)):
-            weight = interval * summed.T @ force[:, other]  # of δω about `axis` in the velocity along `lateral`
+        for along, lateral in (((axis + 1) % 3, (axis + 2) % 3), ((axis + 2) % 3, (axis + 1) % 3)):
+            weight = interval * summed.T @ force[:, along]  # of δω about `axis` in the velocity along `lateral`
             excess = float(weight @ covariance @ weight) - float(np.sum((weight * rate_sigma[:, axis]) ** 2))
-            out[lateral] += max(excess, 0.0) + mean_square * interval**2 * float(np.sum(force_sigma[:, other] ** 2))
+            out[lateral] += max(excess, 0.0) + mean_square * interval**2 * float(np.sum(force_sigma[:, along] ** 2))
     return out
 
 

@@ -210,8 +210,8 @@ def _nonlinearity_in_density(
     if model.database.join != "switch":
         return departure, (np.zeros_like(nominal[0]), np.zeros_like(nominal[1]))
     mirrored = model.database.continuum_limit**2 / flow.knudsen  # on the other side of the limit
-    other = predict(stated, bins, _in_regime(mirrored, flow, model.database))
-    return departure, (other[0] - nominal[0], other[1] - nominal[1])
+    other_table = predict(stated, bins, _in_regime(mirrored, flow, model.database))
+    return departure, (other_table[0] - nominal[0], other_table[1] - nominal[1])
 
 
 def _displaced(nodes: PathNodes, component: int, step: float) -> PathNodes:

@@ -115,8 +115,8 @@ class FlightCase:
     def reconstruct_with(self, effects: Sequence[EffectInstance]) -> FlightCase:
         """The same flight reconstructed with other effects in the model; its files are not read again."""
         r = self.reconstruction
-        other = reconstruct(r.mission, effects, leave_one_out=False, recover=False, inputs=r.inputs, compare_imus=False)
-        return replace(flight_case(other), outliers=self.outliers)
+        again = reconstruct(r.mission, effects, leave_one_out=False, recover=False, inputs=r.inputs, compare_imus=False)
+        return replace(flight_case(again), outliers=self.outliers)
 
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """Model and measurements with the given effects; the noise of unresolved motion does not depend on them."""

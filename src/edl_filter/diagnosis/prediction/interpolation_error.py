@@ -35,7 +35,7 @@ from edl_filter.imu_model.lever_arm import (
     lever_arm_acceleration_of_products,
 )
 from edl_filter.navigation.increments import Samples
-from edl_filter.navigation.rotation_corrections import nodes
+from edl_filter.navigation.rotation_corrections import gauss_legendre
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord
 from edl_filter.types import Array
 
@@ -254,7 +254,7 @@ def lever_arm_error(
     edges = samples.edges[: count + 1]
     mean_rate = rotation.mean_rate(edges) - rate_errors[:count]
     mean_acceleration = np.diff(rotation.rate(edges), axis=0) / interval[:, None]
-    abscissae, weights = nodes(QUADRATURE_NODES)
+    abscissae, weights = gauss_legendre(QUADRATURE_NODES)
     inside = rotation.rate((edges[:-1, None] + interval[:, None] * abscissae).ravel())
     inside = inside.reshape(count, QUADRATURE_NODES, 3)
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

@@ -9,7 +9,7 @@ import twins
 
 from edl_filter import rotations
 from edl_filter.mission import Mission
-from edl_filter.navigation import screening as module
+from edl_filter.navigation import outlier_screening as module
 from edl_filter.navigation.consensus import LEAST_READINGS, WINDOW, Consensus, quantile
 from edl_filter.navigation.estimator import Innovation
 from edl_filter.navigation.filter import run_filter
