@@ -143,8 +143,9 @@ def test_a_stretch_has_its_spikes_up_to_a_window_away_and_what_is_between():
         finding("force", 96.0, 97.0, "spike"),
         finding("rate", 90.0, 92.0, "spike"),
         finding("rate", 121.0, 124.0, "gap"),
+        finding("rate y", 119.0, 119.5, "saturated"),
     ]
-    expected = {"force": [(96.0, 118.0), (140.0, np.inf)], "rate": [(100.0, 116.0)]}
+    expected = {"force": [(96.0, 118.0), (140.0, np.inf)], "rate": [(100.0, 119.5)]}
     assert _with_adjacent_spikes(stretches, findings) == expected
 
 

@@ -79,13 +79,13 @@ def test_a_rate_bias_below_the_noise_is_found_in_the_mean_of_its_window(size, at
 def test_the_mean_of_the_parity_has_the_errors_that_vary_and_not_the_noise(telemetry):
     """Of sound records the squared mean is below its limit by far, and above it with ten sigmas of a bias in a half."""
     pair = pair_of(telemetry.driving, telemetry.checking[0], END)
-    assert not _in_windows(parity_of(pair, "rate", pair.usable, 0.0), pair, "rate", PROBABILITY).any()
+    assert not _in_windows(parity_of(pair, "rate", pair.usable, 0.0), pair, PROBABILITY).any()
     late = pair.reference.time > 150.0
     for key in ("noise", "varying"):
         parity = parity_of(pair, "rate", pair.usable, 0.0)
         shift = np.where(late[:, None], 10.0, 0.0) * np.sqrt(np.nanmedian(getattr(parity, key), axis=0))
         shifted = replace(parity, value=parity.value + shift)
-        significant = _in_windows(shifted, pair, "rate", PROBABILITY)
+        significant = _in_windows(shifted, pair, PROBABILITY)
         assert significant[late & pair.usable].all() and not significant[pair.reference.time < 130.0].any()
 
 

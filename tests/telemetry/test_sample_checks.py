@@ -221,5 +221,27 @@ def test_an_axis_on_which_nothing_acts_in_a_simulation_without_noise_is_not_dead
     assert [f for f in with_noise(readings)[1] if f.kind == "stuck" and f.samples == 4000] == []
 
 
+@pytest.mark.parametrize(("value", "kind"), [(9.0, "saturated"), (0.5, "stuck"), (0.0, "stuck")])
+def test_an_axis_that_reads_one_value_in_most_of_the_record_is_lost_there(value, kind):
+    """A spin rate beyond the range until the landing, and single samples within it: no run has other values nearby."""
+    readings = np.random.default_rng(2).standard_normal((4000, 6))
+    held = np.arange(4000) < 3000
+    held[[1500, 1501, 2200]] = False
+    readings[held, 3] = value
+    out, findings = with_noise(readings)
+    assert {(f.channel, f.kind) for f in findings} == {("rate x", kind)} and sum(f.samples for f in findings) == 2997
+    np.testing.assert_array_equal(np.isnan(out[:, 3]), held)
+    assert np.isfinite(np.delete(out, 3, axis=1)).all()
+    assert all((f.limit is not None) == (kind == "saturated") for f in findings)
+
+
+def test_an_axis_that_reads_one_value_in_most_of_a_coarse_record_is_not_lost():
+    """A few steps of the quantisation contain the motion of all its axes."""
+    phase = np.cumsum(np.geomspace(0.001, 0.05, 4000))
+    readings = np.random.default_rng(2).standard_normal((4000, 6))
+    readings[:, 3:] = 20.0 * np.round(np.outer(np.sin(phase), [1.4, 0.51, 0.2]))
+    assert with_noise(readings)[1] == []
+
+
 def test_a_record_of_which_no_axis_changes_has_nothing_to_compare_with():
     assert with_noise(np.tile([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], (400, 1)))[1] == []

@@ -41,6 +41,8 @@ _COVER = 1.0
 #: the comparison where it ends by less than this before the parachute, s.
 _MARGIN = 1.0
 _COMPARED = _MARGIN + WINDOW
+#: Kinds of findings that are single samples or a few of them.
+_SINGLE_SAMPLES = ("spike", "burst", "saturated")
 #: Start and end of the stretches of each triad, s.
 Stretches = Mapping[str, Sequence[tuple[float, float]]]
 
@@ -236,7 +238,7 @@ def _with_common_ends(stretches: Stretches) -> dict[str, list[tuple[float, float
 
 
 def _with_adjacent_spikes(stretches: Stretches, findings: Sequence[SampleFinding]) -> Stretches:
-    """Stretches of an IMU with its spikes and bursts (`findings`) that are less than a window apart from them.
+    """Stretches of an IMU with spikes, bursts and saturated samples (`findings`) less than a window apart from them.
 
     A fault that is no constant error ends somewhere in the last window, in which it is found sample by sample. Samples
     between those are too few for a window, and a neighbour that is lost leaves no parity: they are not known to agree.
@@ -244,7 +246,7 @@ def _with_adjacent_spikes(stretches: Stretches, findings: Sequence[SampleFinding
     """
     out: dict[str, list[tuple[float, float]]] = {}
     for triad in TRIADS:
-        spikes = [(f.start, f.end) for f in findings if f.channel == triad and f.kind in ("spike", "burst")]
+        spikes = [(f.start, f.end) for f in findings if f.channel.split()[0] == triad and f.kind in _SINGLE_SAMPLES]
         own = list(stretches.get(triad, ()))
         others = [stretch for name, of_triad in stretches.items() if name != triad for stretch in of_triad]
         own += [(a, b) for a, b in others if any(a < end and start < b for start, end in spikes)]

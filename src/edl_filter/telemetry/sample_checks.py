@@ -152,15 +152,17 @@ def lost_readings(
     repeated = _repeated_rows(readings)
     findings += findings_of(imu, row, "duplicated", repeated, time, interval)
     readings[repeated] = np.nan
-    dead = _dead_axes(readings, noise) if noise is not None and len(channels) == 6 else []
-    for column in dead:
-        findings += findings_of(imu, channels[column], "stuck", np.ones(len(time), bool), time, interval)
-        readings[:, column] = np.nan
+    held = _held_values(readings, noise) if noise is not None and len(channels) == 6 else {}
     for column, name in enumerate(channels):
-        if column in dead:
-            continue
         values = readings[:, column].copy()
+        lost = values == held.get(column)
+        if lost.any() and not _is_limit(held[column], values):
+            lost |= bool(np.all(lost[np.isfinite(values)]))  # throughout: rows that were lost before, too
+            findings += findings_of(imu, name, "stuck", lost, time, interval)
+            readings[lost, column] = np.nan
+            continue
         saturated = [(limit, True) for limit in _repeated_extremes(values, settings.false_alarm_probability)]
+        saturated += [(held[column], True)] if lost.any() else []
         for a, b in stuck_runs(values, settings.false_alarm_probability):
             nearby = values[max(0, a - _REPEAT_REACH) : b + _REPEAT_REACH]
             if values[a] not in (np.nanmin(nearby), np.nanmax(nearby)):
@@ -179,25 +181,35 @@ def lost_readings(
     return readings, findings
 
 
-def _dead_axes(readings: Array, noise: tuple[float, float]) -> list[int]:
-    """Columns of (N, 6) that read one value throughout, while others have at least a part of their stated noise.
+def _held_values(readings: Array, noise: tuple[float, float]) -> dict[int, float]:
+    """Columns of (N, 6) that read one value in most of the record, while others have a part of their noise: that value.
 
     The others are those of the triad, or, where all of it reads one value, those of the other triad: coarse steps of
     the quantisation may contain the whole motion about an axis. A simulation without noise may have axes on which
     nothing acts; its other axes are smooth where the motion is. Their fourth difference, of independent noise √70
     times its sigma, is compared at its quantile of 10 %, which is 0.126 sigmas of a normal distribution.
     """
-    constant = [k for k, v in enumerate(readings.T) if np.isfinite(v).any() and np.nanmin(v) == np.nanmax(v)]
+    held: dict[int, float] = {}
+    for column, values in enumerate(readings.T):
+        different, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+        if len(counts) and 2 * counts.max() > counts.sum():
+            held[column] = float(different[np.argmax(counts)])
     shown = set()
-    for column in set(range(6)) - set(constant):
+    for column in set(range(6)) - set(held):
         fourth = np.abs(np.diff(readings[:, column], 4))
         fourth = fourth[np.isfinite(fourth)]
         if len(fourth) >= _REPEAT_REACH:
             sigma = float(np.quantile(fourth, 0.1)) / 0.126 / np.sqrt(70.0)
             if sigma > _SHOWN * noise[column // 3]:
                 shown.add(column // 3)
-    whole = {triad for triad in (0, 1) if {3 * triad, 3 * triad + 1, 3 * triad + 2} <= set(constant)}
-    return [column for column in constant if (column // 3 in shown) or (column // 3 in whole and shown)]
+    whole = {triad for triad in (0, 1) if {3 * triad, 3 * triad + 1, 3 * triad + 2} <= set(held)}
+    return {k: v for k, v in held.items() if (k // 3 in shown) or (k // 3 in whole and shown)}
+
+
+def _is_limit(value: float, values: Array) -> bool:
+    """Whether a held value of an axis (N,) is a limit of its range: the extreme on one side of zero, and not all."""
+    low, high = np.nanmin(values), np.nanmax(values)
+    return bool(low < high and value != 0.0 and value == (high if value > 0.0 else low))
 
 
 def _repeated_extremes(values: Array, probability: float) -> list[float]:
