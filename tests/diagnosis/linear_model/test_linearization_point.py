@@ -67,11 +67,16 @@ def test_the_distance_from_what_is_stated_is_that_of_the_parameter_farthest_off(
     model = models[1]
     sigma, flow, perturbation = model.case.uncertainty.sigma, model.residuals.flow, model.point.perturbation
     assert distance_from_stated(None, flow, sigma) == 0.0
-    density = np.max(np.abs(perturbation.density)) / sigma["density"]
+    log_factor = perturbation.density
+    density = np.max(np.minimum(np.abs(log_factor), np.abs(np.expm1(log_factor)))) / sigma["density"]
     alone = replace(perturbation, wind=0.0 * perturbation.wind, mass=0.0, inertia=0.0, ca=0.0 * perturbation.ca,
                     cn=0.0 * perturbation.cn, cm=0.0 * perturbation.cm, field=None)  # fmt: skip
     assert distance_from_stated(alone, flow, sigma) == pytest.approx(density, rel=1e-12)
     assert distance_from_stated(perturbation, flow, sigma) >= density
+    for size in (-0.5, 0.4):  # the factor and its logarithm have the same relative sigma: the smaller distance
+        wrong = replace(alone, density=np.full_like(alone.density, size))
+        expected = min(abs(size), abs(np.exp(size) - 1.0)) / sigma["density"]
+        assert distance_from_stated(wrong, flow, sigma) == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_points_density_is_nearer_to_the_truth_than_the_tables(tmp_path):

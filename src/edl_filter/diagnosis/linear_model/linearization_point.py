@@ -246,9 +246,17 @@ def largest_change(before: Perturbation | None, after: Perturbation | None, sigm
 
 
 def distance_from_stated(perturbation: Perturbation | None, flow: FlightCondition, sigma: dict[str, float]) -> float:
-    """Largest perturbation, in sigmas of what the mission states; of a field, the standardised increment in a flow."""
-    distances = _changes(None, perturbation, sigma)
-    if perturbation is not None and perturbation.field is not None:
+    """Largest perturbation, in sigmas of what the mission states; of a field, the standardised increment in a flow.
+
+    A relative sigma of the density does not state whether the factor or its logarithm is normally distributed: the
+    smaller distance counts.
+    """
+    if perturbation is None:
+        return 0.0
+    log_factor = np.abs(perturbation.density)
+    density = np.minimum(log_factor, np.abs(np.expm1(perturbation.density)))
+    distances = _changes(None, replace(perturbation, density=density), sigma)
+    if perturbation.field is not None:
         distances += [np.max(np.abs(z), initial=0.0) for z in perturbation.field.standardised(flow).values()]
     return float(max(distances, default=0.0))
 
