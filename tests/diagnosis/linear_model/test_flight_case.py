@@ -131,13 +131,13 @@ def test_rejected_readings_of_an_instrument_that_agrees_are_outliers():
 def test_outliers_are_not_compared_whatever_effects_the_model_has(case):
     constraints = case.reconstruction.problem.constraints
     heights = [c for c in constraints if c.name == "altimeter"][3:5]
-    without = replace(case, outliers=frozenset((c.name, c.time) for c in heights))
+    without = replace(case, excluded_constraints=frozenset((c.name, c.time) for c in heights))
     remaining = [c.time for c in constraints if c not in heights]
     effect = instance("com_offset", dy=5e-3)
     for inputs in (without.model_inputs(()), without.model_inputs((effect,)), without.denoised_inputs(())):
         assert [c.time for c in inputs.problem.constraints] == remaining
-    assert without.reconstruct_with([effect]).outliers == without.outliers
-    assert case.outliers == frozenset()
+    assert without.reconstruct_with([effect]).excluded_constraints == without.excluded_constraints
+    assert case.excluded_constraints == frozenset()
 
 
 def test_a_checking_imu_with_coarse_steps_is_compared_only_if_an_effect_acts_on_it(practice_06):
@@ -173,4 +173,4 @@ def test_constraints_after_lost_rates_that_leave_the_attitude_unknown_are_not_co
     assert time == pytest.approx(samples.time[lost[11]] - samples.interval[lost[11]])
     expected = {(c.name, c.time) for c in problem.constraints if c.time > time}
     assert len(expected) < len(problem.constraints)
-    assert flight_case(replace(practice_06, problem=replace(problem, samples=filled))).outliers == expected
+    assert flight_case(replace(practice_06, problem=replace(problem, samples=filled))).excluded_constraints == expected

@@ -104,7 +104,7 @@ def _with_values(case: FlightCase, names: tuple[str, ...], values: Array) -> Fli
     assert mission.aerodynamics is not None
     stated = mission.aerodynamics.with_discrepancy(dict(zip(names, values.tolist(), strict=True)))
     other = replace(case.reconstruction, mission=mission.model_copy(update={"aerodynamics": stated}))
-    return replace(flight_case(other), outliers=case.outliers)
+    return replace(flight_case(other), excluded_constraints=case.excluded_constraints)
 
 
 def _log_evidence(case: FlightCase) -> float:

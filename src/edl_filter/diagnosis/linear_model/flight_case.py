@@ -80,7 +80,7 @@ class FlightCase:
         Constant nuisance parameters.
     discrepancy_estimate : DiscrepancyEstimate or None
         What of the mission's prior of the database's error was estimated; None: nothing.
-    outliers : frozenset of (str, float)
+    excluded_constraints : frozenset of (str, float)
         Name and time (s) of constraints that are not compared, whatever effects the model has: `rejected_readings`, and
         those after `end_of_linear_attitude`.
     """
@@ -90,7 +90,7 @@ class FlightCase:
     uncertainty: StatedUncertainty
     constants: tuple[StatedParameter, ...] = ()
     discrepancy_estimate: DiscrepancyEstimate | None = None
-    outliers: frozenset[tuple[str, float]] = frozenset()
+    excluded_constraints: frozenset[tuple[str, float]] = frozenset()
 
     @property
     def mission(self) -> Mission:
@@ -116,7 +116,7 @@ class FlightCase:
         """The same flight reconstructed with other effects in the model; its files are not read again."""
         r = self.reconstruction
         again = reconstruct(r.mission, effects, leave_one_out=False, recover=False, inputs=r.inputs, compare_imus=False)
-        return replace(flight_case(again), outliers=self.outliers)
+        return replace(flight_case(again), excluded_constraints=self.excluded_constraints)
 
     def model_inputs(self, effects: Sequence[EffectInstance]) -> ModelInputs:
         """Model and measurements with the given effects; the noise of unresolved motion does not depend on them."""
@@ -179,7 +179,7 @@ class FlightCase:
 
     def _inputs(self, problem: Problem, telemetry: Telemetry, effects: Sequence[EffectInstance]) -> ModelInputs:
         model = self.forward_model.with_effects(model_effects(effects))
-        compared = tuple(c for c in problem.constraints if (c.name, c.time) not in self.outliers)
+        compared = tuple(c for c in problem.constraints if (c.name, c.time) not in self.excluded_constraints)
         return ModelInputs(replace(problem, constraints=compared), model, telemetry.driving, telemetry.checking)
 
 
@@ -227,7 +227,7 @@ def flight_case(reconstruction: Reconstruction) -> FlightCase:
             inertia=vehicle.inertia_sigma,
         ),
         constants=stated_parameters(mission, r.telemetry),
-        outliers=rejected_readings(r.filter_pass)
+        excluded_constraints=rejected_readings(r.filter_pass)
         | constraints_after(r.problem, end_of_linear_attitude(r.problem.samples, settings.linear_attitude_sigma_rad)),
     )
 

@@ -111,12 +111,11 @@ def rank(case: FlightCase, effects: Iterable[Effect], progress: Progress = lambd
 def _with_complement(ranking: Ranking, effects: Sequence[Effect], progress: Progress) -> Ranking:
     """The ranking, whose first name states whether a second effect explains what it leaves.
 
-    The first name is the one that `decide` would give: that with the largest `Hypothesis.conservative_gain`.
-
-    It is asked only where the first explains at least `complemented_explained_share` and less than `sufficient_share`,
-    and leaves excess variance. The first of two hidden effects does so, and so does an incorrect effect that resembles
-    a part of something outside the catalogue. A first effect below `named_explained_share` needs a second one with
-    which hardly any excess variance is left.
+    The first name is the one that `decide` would give: that with the largest `Hypothesis.conservative_gain`. A second
+    effect is sought only where the first explains at least `complemented_explained_share` and less than
+    `sufficient_share`, and leaves excess variance. The first of two hidden effects does so, and so does an incorrect
+    effect that resembles a part of something outside the catalogue. A first effect below `named_explained_share` needs
+    a second one with which hardly any excess variance is left.
     """
     settings = ranking.case.settings
     if not ranking.hypotheses:
