@@ -702,8 +702,12 @@ class Run:
     messages: list = field(default_factory=list)
 
 
-def constructed_run(monkeypatch, models, fitted, better=()):
-    """A ranking about some models, `fitted` the hypotheses about each; only one has its filters in memory."""
+def constructed_run(monkeypatch, models, fitted, better=(), evidence_of_process=None, process_about="first"):
+    """A ranking about some models, `fitted` the hypotheses about each; only one has its filters in memory.
+
+    The unmodelled acceleration has the given evidence about each model, 0 by default, and is the one about a model.
+    """
+    processes = evidence_of_process or {}
     run, model = Run(), models[0]
     case = SimpleNamespace(settings=SETTINGS, effects=("own effect",), end=250.0)
     model.case = case
@@ -745,10 +749,10 @@ def constructed_run(monkeypatch, models, fitted, better=()):
     monkeypatch.setattr(module, "_relinearize_leaders", leaders)
     monkeypatch.setattr(module, "_compare_where_model_holds", compare)
     monkeypatch.setattr(module, "log_likelihood", lambda *_: 0.0)
-    monkeypatch.setattr(module, "fit_unmodelled", lambda of_model: (of_model.name, 0.0))
+    monkeypatch.setattr(module, "fit_unmodelled", lambda of: (of.name, processes.get(of.name, 0.0)))
     effects = [EffectInstance(find_effect(n), {}) for n in ("mass", "remnant_torque")]
     ranking = module._rank(SimpleNamespace(settings=SETTINGS), effects, run.messages.append)
-    assert ranking.case is case and ranking.model is model and ranking.unmodelled == model.name
+    assert ranking.case is case and ranking.model is model and ranking.unmodelled == process_about
     assert [h.gain for h in ranking.hypotheses] == sorted((h.gain for h in ranking.hypotheses), reverse=True)
     assert all(m.released for m in models if m.name in {name for name, _ in run.shortlists})
     assert run.null_fits == [(m.name, ("own effect",), 0.3) for m in models]
@@ -787,6 +791,20 @@ def test_a_point_of_a_hypothesis_at_which_the_model_is_more_probable_replaces_th
     assert [h.gain for h in ranking.hypotheses] == [90.0, 60.0, 50.0]  # twice what was fitted, over 30 nats
     assert ranking.unmodelled_gain == 20.0 and ranking.excess_noise_gain == -20.0
     assert constructed_run(monkeypatch, models, {"first": []})[0].unmodelled_gain == 50.0
+
+
+@pytest.mark.parametrize(
+    ("gain", "evidence", "about"),
+    [(60.0, 25.0, "better"), (60.0, -25.0, "first"), (SETTINGS.named_gain_nats / 4.0, 25.0, "first")],
+)
+def test_an_acceleration_is_compared_with_a_name_about_the_most_probable_point(monkeypatch, gain, evidence, about):
+    """About the first point it would also have to explain what is wrong with the path. Without a name it is not."""
+    models = [Constructed("first", False, -90.0)]
+    better = Constructed("better", True, -20.0), Null("better", -30.0)
+    better[0].release_filters()
+    fitted = {"first": [named("a", gain, explained_share=1.0)], "better": []}
+    ranking, _ = constructed_run(monkeypatch, models, fitted, better, {"better": evidence}, about)
+    assert ranking.unmodelled_gain == {"better": evidence, "first": 0.0}[about] + 20.0
 
 
 def test_another_point_where_the_model_fails_too_is_screened_if_the_leader_does_not_explain_the_flight(monkeypatch):

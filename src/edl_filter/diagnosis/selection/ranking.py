@@ -194,7 +194,8 @@ def _rank(case: FlightCase, effects: Sequence[EffectInstance], progress: Progres
             hypotheses = _most_probable([h.with_reference(reference) for h in (*hypotheses, *relinearized)])
             screened.model.release()
         unmodelled, unmodelled_evidence = unmodelled_fit()
-    if most_likely is not model:
+    if most_likely is not model and any(h.conservative_gain > settings.named_gain_nats for h in hypotheses):
+        # a name may be given: it is compared with the process about the same point
         unmodelled, unmodelled_evidence = max(
             (unmodelled, unmodelled_evidence), fit_unmodelled(most_likely), key=lambda fit: fit[1]
         )
