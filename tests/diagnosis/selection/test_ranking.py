@@ -300,12 +300,13 @@ class Candidate:
     null: Null = NULL
     projected: bool = False
     case: object = field(default_factory=lambda: SimpleNamespace(settings=SETTINGS))
+    score_gain: float = np.inf
 
     fit = SimpleNamespace(effects=("the first effect",))
 
     @property
     def conservative_gain(self):
-        return self.gain
+        return min(self.gain, self.score_gain)
 
     @property
     def name(self):
@@ -360,6 +361,16 @@ def test_a_second_effect_is_sought_where_the_first_explains_a_part(monkeypatch, 
     with_first = ("again", ("the first effect",))
     assert searches == ([] if expected is None else [(with_first, (with_first, effects))])
     assert messages == ([] if expected is None else ["searching for a second effect in addition to first"])
+
+
+def test_the_second_effect_is_one_in_addition_to_the_name_that_would_be_given(monkeypatch):
+    """The held-out gain decides too: the hypothesis with the largest gain may not be the name."""
+    monkeypatch.setattr(module, "candidate_instances", lambda *_: [])
+    monkeypatch.setattr(module, "_rank", lambda *_: SimpleNamespace(hypotheses=[]))
+    case = SimpleNamespace(settings=SETTINGS, reconstruct_with=lambda effects: effects)
+    larger, name = named("larger", 9.0, score_gain=1.0, explained_share=0.5), named("name", 5.0, explained_share=0.5)
+    after = module._with_complement(Ranking(case, None, {}, [larger, name], None, 0.0, 0.0), [], lambda _: None)
+    assert [(h.name, h.complemented) for h in after.hypotheses] == [("larger", None), ("name", False)]
 
 
 def test_no_second_effect_is_sought_after_none_or_after_a_complete_explanation(monkeypatch):
