@@ -18,7 +18,7 @@ from edl_filter import rotations
 from edl_filter.estimation.parallel import one_blas_thread
 from edl_filter.imu_model.sensor_errors import SensorErrors
 from edl_filter.mission import Mission
-from edl_filter.navigation.compiled_ukf import CompiledUKF, smooth_states
+from edl_filter.navigation.compiled_ukf import CompiledUKF, smooth_node
 from edl_filter.navigation.constraints import Altimeter, LandingSite, OnboardAttitude, RestVelocity
 from edl_filter.navigation.filter import Settings, build_problem, new_filter, run_filter
 from edl_filter.navigation.initial import EntryErrors
@@ -440,15 +440,13 @@ def test_states_that_do_not_move_keep_their_covariance_and_their_gain(layout):
     np.testing.assert_array_equal(transition.covariance[constant, constant], before[constant, constant])
     np.testing.assert_array_equal(transition.cross_covariance[constant], transition.covariance[constant])
     state = estimator.state
-    smoothed = smooth_states(
-        np.array([state.nav, state.nav]), np.array([state.errors, state.errors]), np.array([before, 0.5 * before]),
-        state.nav[None], state.errors[None], transition.covariance[None], transition.cross_covariance[None],
-        layout.size - 3 if "onboard_attitude" in layout else -1,
-    )  # fmt: skip
+    covariance, smoothed_gain = np.empty_like(before), np.empty_like(before)
+    onboard = layout.size - 3 if "onboard_attitude" in layout else -1
+    smooth_node((state, before), transition, (state, 0.5 * before), onboard, covariance, smoothed_gain)
     gain = np.linalg.solve(transition.covariance, transition.cross_covariance.T).T
     scale = np.sqrt(np.diag(before))
-    np.testing.assert_allclose(smoothed[3][0] * scale / scale[:, None], gain * scale / scale[:, None], atol=1e-9)
-    np.testing.assert_array_equal(smoothed[3][0, constant], np.eye(layout.size)[constant])
+    np.testing.assert_allclose(smoothed_gain * scale / scale[:, None], gain * scale / scale[:, None], atol=1e-9)
+    np.testing.assert_array_equal(smoothed_gain[constant], np.eye(layout.size)[constant])
     expected = before + gain @ (0.5 * before - transition.covariance) @ gain.T
-    np.testing.assert_allclose((smoothed[2][0] - expected) / np.outer(scale, scale), 0.0, atol=1e-9)
-    np.testing.assert_array_equal(smoothed[2][0], smoothed[2][0].T)
+    np.testing.assert_allclose((covariance - expected) / np.outer(scale, scale), 0.0, atol=1e-9)
+    np.testing.assert_array_equal(covariance, covariance.T)

@@ -13,7 +13,7 @@ call updates, with S the covariance of the innovation y and D that of error and 
 
     K = D S⁻¹           x = K y           P = P⁻ - K S Kᵀ
 
-and a third one smooths the flight: ``G = C (P⁻)⁻¹``, ``P_s = P + G (P_s⁺ - P⁻) Gᵀ`` (Särkkä 2008, IEEE Trans. Autom.
+and a third one smooths a node: ``G = C (P⁻)⁻¹``, ``P_s = P + G (P_s⁺ - P⁻) Gᵀ`` (Särkkä 2008, IEEE Trans. Autom.
 Control 53, 845). Sensor errors are constant over an interval: their covariance stays as it is, and their covariance
 with position, velocity and attitudes is the same in P⁻ and C. Only what belongs to the latter states is computed. A
 row of C that is that of P⁻ has a row of the unit matrix as its gain. After each step the reference moves by x and the
@@ -169,45 +169,41 @@ class CompiledUKF:
         return Transition(cross, self.state, self.covariance.copy())
 
 
-def smooth_states(
-    nav: Array,
-    errors: Array,
-    covariance: Array,
-    predicted_nav: Array,
-    predicted_errors: Array,
-    predicted_covariance: Array,
-    cross_covariance: Array,
+def smooth_node(
+    node: tuple[State, Array],
+    predicted: Transition,
+    following: tuple[State, Array],
     onboard: int,
-) -> tuple[Array, Array, Array, Array]:
-    """Smooth all nodes of a filter pass in one call.
+    covariance: Array,
+    gain: Array,
+) -> State:
+    """Smooth one node of a filter pass, given the next one.
 
     Parameters
     ----------
-    nav : (K, 10 or 14) array
-        `State.nav` of the nodes.
-    errors : (K, n) array
-        `State.errors` of the nodes.
-    covariance : (K, n, n) array
-        Of the nodes, in the units of `layout.UNITS`.
-    predicted_nav, predicted_errors, predicted_covariance : (K - 1, …) arrays
-        The same of the predictions of the nodes 1 to K - 1.
-    cross_covariance : (K - 1, n, n) array
-        Of the error at a node with the predicted error at the next one.
+    node : tuple of State and (n, n) array
+        The filter's estimate at the node and its covariance, in the units of `layout.UNITS`.
+    predicted : Transition
+        From the node to the next one.
+    following : tuple of State and (n, n) array
+        The smoothed estimate at the next node and its covariance.
     onboard : int
         First index of the error of the on-board attitude; -1: none.
+    covariance, gain : (n, n) arrays, overwritten
+        Covariance of the smoothed estimate, and gain of the smoother.
 
     Returns
     -------
-    nav, errors, covariance : arrays
-        Smoothed, as the arguments.
-    gain : (K - 1, n, n) array
-        Of the smoother.
+    State
+        Smoothed.
     """
-    nav, errors, covariance, gain, valid = _smooth(
-        nav, errors, covariance, predicted_nav, predicted_errors, predicted_covariance, cross_covariance, onboard
-    )
+    (state, filtered), (later, smoothed) = node, following
+    nav, errors, valid = _smooth(
+        state.nav, state.errors, filtered, predicted.state.nav, predicted.state.errors, predicted.covariance,
+        predicted.cross_covariance, later.nav, later.errors, smoothed, onboard, covariance, gain,
+    )  # fmt: skip
     _check(valid)
-    return nav, errors, covariance, gain
+    return State(nav, errors)
 
 
 def _check(valid: bool) -> None:
@@ -350,28 +346,28 @@ def _update(nav, errors, covariance, points, onboard, scale, weights, predicted,
 
 
 @COMPILED
-def _smooth(nav, errors, covariance, predicted_nav, predicted_errors, predicted_covariance, cross_covariance, onboard):
-    """All nodes, from the last one backwards; arguments as of `smooth_states`."""
-    nav, errors, covariance = nav.copy(), errors.copy(), covariance.copy()
-    gains = np.empty_like(cross_covariance)
-    n = errors.shape[1]
-    for k in range(len(nav) - 2, -1, -1):
-        gain, moving, valid = regression_rows(cross_covariance[k], predicted_covariance[k])
-        if not valid:
-            return nav, errors, covariance, gains, False
-        gains[k] = np.eye(n)
-        gains[k][moving] = gain
-        change = error_between(nav[k + 1], errors[k + 1], predicted_nav[k], predicted_errors[k], onboard)
-        error = change.copy()
-        for i in range(len(moving)):
-            error[moving[i]] = 0.0
-            for j in range(n):
-                error[moving[i]] += gain[i, j] * change[j]
-        covariance[k] = symmetric_part(
-            covariance[k] + _gained(gain, moving, covariance[k + 1] - predicted_covariance[k])
-        )
-        nav[k], errors[k] = moved_state(nav[k], errors[k], error, onboard)
-    return nav, errors, covariance, gains, True
+def _smooth(
+    nav, errors, covariance, predicted_nav, predicted_errors, predicted_covariance, cross_covariance, next_nav,
+    next_errors, next_covariance, onboard, smoothed_covariance, gain,
+):  # fmt: skip
+    """One node: state, and whether the predicted covariance is positive definite; arguments as of `smooth_node`."""
+    rows, moving, valid = regression_rows(cross_covariance, predicted_covariance)
+    if not valid:
+        return nav, errors, False
+    gain[:] = 0.0
+    for i in range(len(errors)):
+        gain[i, i] = 1.0
+    change = error_between(next_nav, next_errors, predicted_nav, predicted_errors, onboard)
+    error = change.copy()
+    for i in range(len(moving)):
+        gain[moving[i]] = rows[i]
+        error[moving[i]] = 0.0
+        for j in range(len(change)):
+            error[moving[i]] += rows[i, j] * change[j]
+    added = _gained(rows, moving, next_covariance - predicted_covariance)
+    smoothed_covariance[:] = symmetric_part(covariance + added)
+    moved, moved_errors = moved_state(nav, errors, error, onboard)
+    return moved, moved_errors, True
 
 
 @COMPILED

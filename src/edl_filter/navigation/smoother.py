@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from edl_filter.estimation.smoothing import smoothed_moments, smoother_gain
-from edl_filter.navigation.compiled_ukf import smooth_states
+from edl_filter.navigation.compiled_ukf import smooth_node
 from edl_filter.navigation.filter import FilterPass, Node
 from edl_filter.navigation.layout import ONBOARD, Layout, State
 from edl_filter.types import Array, IntArray
@@ -98,16 +98,17 @@ def _smooth(nodes: list[Node], references: list[State]) -> tuple[list[State], Ar
 
 
 def _smooth_compiled(layout: Layout, nodes: list[Node]) -> tuple[list[State], Array, Array]:
-    """The same in one call of `compiled_ukf.smooth_states`."""
-    transitions = [n.transition for n in nodes[1:] if n.transition is not None]
-    nav, errors, covariance, gain = smooth_states(
-        np.array([n.state.nav for n in nodes]),
-        np.array([n.state.errors for n in nodes]),
-        np.array([n.covariance for n in nodes]),
-        np.array([t.state.nav for t in transitions]),
-        np.array([t.state.errors for t in transitions]),
-        np.array([t.covariance for t in transitions]),
-        np.array([t.cross_covariance for t in transitions]),
-        layout[ONBOARD].start if ONBOARD in layout else -1,
-    )
-    return [State(*state) for state in zip(nav, errors, strict=True)], covariance, gain
+    """The same with `compiled_ukf.smooth_node`."""
+    onboard = layout[ONBOARD].start if ONBOARD in layout else -1
+    states = [nodes[-1].state]
+    covariance = np.empty((len(nodes), layout.size, layout.size))
+    gain = np.empty((len(nodes) - 1, layout.size, layout.size))
+    covariance[-1] = nodes[-1].covariance
+    for k in reversed(range(len(nodes) - 1)):
+        node, transition = nodes[k], nodes[k + 1].transition
+        assert transition is not None
+        following = (states[-1], covariance[k + 1])
+        states.append(
+            smooth_node((node.state, node.covariance), transition, following, onboard, covariance[k], gain[k])
+        )
+    return states[::-1], covariance, gain
