@@ -248,6 +248,7 @@ KINDS = {
     "saturated": "saturated axis",
     "spike": "spike",
     "burst": "burst",
+    "noise": "noise beyond the stated",
     "duplicated": "duplicated packets",
     "reordered": "packets out of order",
     "clock_jump": "jump of the clock",
