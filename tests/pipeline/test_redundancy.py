@@ -130,6 +130,47 @@ def test_all_samples_of_a_stretch_of_noise_are_replaced(name, flight):
     assert not record.filled[np.abs(record.time - 155.0) > 10.0].any()
 
 
+@pytest.mark.parametrize(
+    ("gain", "error", "consistent", "at_fault"),
+    [
+        (-60.0, 1e4, (False, False), "primary"),  # an effect that the model lacks contradicts both
+        (-60.0, 1e4, (False, True), None),
+        (-60.0, 1e4, (True, False), None),
+        (60.0, -1e4, (False, False), "secondary"),
+        (-60.0, 5.0, (False, False), "secondary"),
+        (5.0, 5.0, (False, False), None),
+        (60.0, 1e4, (True, False), "primary"),
+    ],
+)
+def test_measurements_that_contradict_both_imus_do_not_contradict_an_error_of_one(
+    gain, error, consistent, at_fault, flight, monkeypatch
+):
+    finding = SampleFinding("primary", "rate", 100.0, 110.0, 80, "disagreement", UNDECIDED)
+    telemetry = replace(flight[1], findings=(finding,))
+    first = redundancy.Run(telemetry, None, None)
+    likelihood = {"primary": gain, "secondary": 0.0}
+    runs = dict(zip(likelihood, consistent, strict=True))
+
+    class FakeRun(redundancy.Run):
+        consistent = None
+
+    def best(_, name, *__):
+        run = FakeRun(telemetry, None, name)
+        object.__setattr__(run, "consistent", runs[name])
+        return redundancy._Hypothesis(run, likelihood[name])
+
+    monkeypatch.setattr(redundancy, "_best", best)
+    monkeypatch.setattr(
+        redundancy, "independent_error", lambda *_: {"primary": max(error, 0.0), "secondary": max(-error, 0.0)}
+    )
+    out = redundancy.arbitrated(
+        first, lambda _: pytest.fail("no run is needed"), redundancy.Checks(None, PARACHUTE, True)
+    )
+    assert (None if out is first else out.filter_pass) == at_fault
+    if gain == -60.0 and at_fault == "primary":
+        assert "other measurements" not in out.telemetry.findings[0].repair
+
+
 def finding(triad, start, end, kind="disagreement"):
     return SampleFinding("primary", triad, start, end, 1, kind)
 
@@ -196,7 +237,7 @@ def test_a_constant_error_is_not_arbitrated(name, changes, flight):
     assert judge(result).trustworthy == (name == "secondary")
 
 
-def test_imus_between_which_nothing_decides_are_not_trusted(flight):
+def test_imus_between_which_nothing_decides_are_not_trusted(flight, monkeypatch):
     mission, telemetry, _, atmosphere = flight
     finding = SampleFinding("primary", "rate", 100.0, 110.0, 80, "disagreement", UNDECIDED)
     both = replace(telemetry, findings=(finding,))
@@ -204,6 +245,10 @@ def test_imus_between_which_nothing_decides_are_not_trusted(flight):
     trust = judge(result)
     assert undecided(result.telemetry) == [finding] and result.telemetry.driving.name == "primary"
     assert not trust.trustworthy and "two IMUs disagree in their rate between 100.0 and 110.0 s" in trust.headline
+    monkeypatch.setattr(redundancy, "_best", lambda *_: pytest.fail("arbitrated again"))
+    bias = EffectInstance(find_effect("accelerometer_bias"), {"bx": 0.01})
+    again = reconstruct(mission, (bias,), leave_one_out=False, recover=False, inputs=result.inputs)
+    assert undecided(again.telemetry) == [finding]
 
 
 def test_a_clean_flight_is_not_changed(flight):

@@ -58,10 +58,13 @@ class FlightInputs:
     telemetry : Telemetry
     atmosphere : Atmosphere, optional
         Read from the mission's table if not given.
+    arbitrated : bool
+        Whether a reconstruction has decided already which of two IMUs is at fault, or that it is not known.
     """
 
     telemetry: Telemetry
     atmosphere: Atmosphere | None = None
+    arbitrated: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,8 @@ class Reconstruction:
         What was added to `problem` since its state diverged from the measurements; None where it did not.
     inputs : FlightInputs or None
         For further reconstructions of the same flight, with other effects: the samples of an IMU at fault are replaced,
-        so that all of them have the same readings; samples that dynamics fill are not filled yet.
+        and no other one is searched, so that all of them have the same readings; samples that dynamics fill are not
+        filled yet.
     """
 
     mission: Mission
@@ -288,7 +292,7 @@ def _reconstruct(
         planet = mission.planet_model(telemetry.prime_meridian_at_epoch)
         active = mission.active_effects() if effects is None else tuple(effects)
     with _timed(timing, "filter"):
-        sound, first = _first_runs(mission, telemetry, planet, atmosphere, active)
+        sound, first = _first_runs(mission, telemetry, planet, atmosphere, active, not inputs.arbitrated)
         telemetry, problem, filter_pass = first.telemetry, first.problem, first.filter_pass
         corrected = without_effects(mission, telemetry, active)
         lost, recovery = lost_stretches(telemetry.driving), None
@@ -327,7 +331,7 @@ def _reconstruct(
         timing=timing,
         effects=active,
         recovery=recovery,
-        inputs=FlightInputs(sound.telemetry, atmosphere),
+        inputs=FlightInputs(sound.telemetry, atmosphere, arbitrated=True),
     )
 
 
@@ -366,6 +370,7 @@ def _first_runs(
     planet: Planet,
     atmosphere: Atmosphere,
     effects: Sequence[EffectInstance],
+    arbitrate: bool = True,
 ) -> tuple[Run, Run]:
     """The run with the samples of an IMU at fault replaced, and that with lost ones filled by dynamics in addition."""
 
@@ -375,7 +380,9 @@ def _first_runs(
 
     exchange = not any(a.imu is None for a in sensor_effects(effects))
     parachute = _deployment(mission, telemetry)
-    result = arbitrated(run(telemetry), run, Checks(check_settings(mission), parachute, exchange))
+    result = run(telemetry)
+    if arbitrate:
+        result = arbitrated(result, run, Checks(check_settings(mission), parachute, exchange))
     if mission.aerodynamics is None or mission.vehicle.inertia is None or not interpolated_stretches(result.telemetry):
         return result, result
     from edl_filter.pipeline.dynamics_filling import filled_by_dynamics  # few flights need it

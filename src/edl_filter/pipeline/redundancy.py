@@ -8,9 +8,10 @@ whose calibration against the first keeps a constant error of the first as it is
 
 Evidence is the likelihood of landing, rest and altimeter, which are independent of both IMUs, and the error of one IMU
 that the other one does not have (`independent_error`). An IMU is at fault where one of the two shows it and the
-other one does not contradict. Else the disagreement stays, and the result is not trusted (`trust.judge`). Without a
-disagreement nothing is arbitrated: an IMU that landing, rest or altimeter contradict may have a constant error, of
-which the diagnosis judges.
+other one does not contradict. Measurements that contradict the flight with either IMU show an error outside the IMUs,
+a missing effect for instance: they do not contradict an error that one IMU alone has. Else the disagreement stays, and
+the result is not trusted (`trust.judge`). Without a disagreement nothing is arbitrated: an IMU that landing, rest or
+altimeter contradict may have a constant error, of which the diagnosis judges.
 """
 
 from __future__ import annotations
@@ -136,7 +137,10 @@ def arbitrated(first: Run, run: Callable[[Telemetry], Run], checks: Checks) -> R
     best = [_best(first, name, hypotheses, run, checks) for name in names]
     gain = _gain(*best)
     errors = independent_error(*records, findings, checks.parachute)
-    at_fault = _decision(gain, errors[names[0]] - errors[names[1]])
+    error = errors[names[0]] - errors[names[1]]
+    at_fault = _decision(gain, error)
+    if at_fault is None and not any(h is not None and h.run.consistent for h in best):
+        at_fault, gain = _decision(error), 0.0
     chosen = None if at_fault is None else best[at_fault]
     if at_fault is None or chosen is None:
         return first
