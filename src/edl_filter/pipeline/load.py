@@ -31,7 +31,9 @@ from edl_filter.telemetry.mer_flight import MerImu, MerSetup, mer_telemetry
 from edl_filter.telemetry.record import SAME_TIME, ImuRecord, Telemetry
 from edl_filter.telemetry.rest_drift import with_rest_drift
 from edl_filter.telemetry.sample_checks import CheckSettings
+from edl_filter.telemetry.sample_filling import PARACHUTE_MARGIN
 from edl_filter.telemetry.sample_repair import repaired
+from edl_filter.telemetry.triad_delay import with_triad_delay
 from edl_filter.types import Array
 
 
@@ -109,7 +111,11 @@ def _repaired(mission: Mission, telemetry: Telemetry, checks: CheckSettings) -> 
     if checks.enabled:
         telemetry = with_rest_drift(telemetry)
     with one_blas_thread():  # regressions of a few columns
-        return repaired(telemetry, checks, event_times(mission, telemetry).get("parachute_deploy", np.inf))
+        parachute = event_times(mission, telemetry).get("parachute_deploy", np.inf)
+        telemetry = repaired(telemetry, checks, parachute)
+        if not checks.enabled or mission.vehicle.inertia is None:
+            return telemetry
+        return with_triad_delay(telemetry, mission.vehicle.inertia.tensor, parachute - PARACHUTE_MARGIN)
 
 
 def check_settings(mission: Mission) -> CheckSettings:

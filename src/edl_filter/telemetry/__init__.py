@@ -15,8 +15,9 @@ Read in this order:
    `mer_register`, `joining`, `mer_flight`: from the tables to segments in body axes, and to one record.
 4. `time_stamps`, `quantisation`: times that scatter, and steps of the readings. `sample_checks`, `resampling`,
    `transfer`, `spikes`, `noisy_stretches`, `parity`, `disagreement`, `clock_drift`: missing, bad and noisy samples, by
-   one IMU and by the comparison of two. `rest_drift`: a force at rest that is not constant. `partial_readings`: a
-   triad of which one axis is lost. `sample_filling`, `sample_repair`: samples are filled.
+   one IMU and by the comparison of two. `rest_drift`: a force at rest that is not constant. `triad_delay`: rates
+   that are late against the forces. `partial_readings`: a triad of which one axis is lost. `sample_filling`,
+   `sample_repair`: samples are filled.
 5. `smoothing`: batch polynomial, low-pass, rates and angular accelerations. `calibration`, `relative_calibration`:
    lever-arm correction, bias, misalignment, scale and clock of one IMU relative to another.
 6. `clock`: spacecraft clock to UTC.
