@@ -122,6 +122,11 @@ def test_repair_widens_the_sigma_of_the_only_imu(builtin_flight):
     np.testing.assert_array_equal(out.driving.specific_force, telemetry.driving.specific_force)
     # with another IMU the samples are taken from it; without a stated deployment or with the checks off nothing is done
     assert not any(f.kind == KIND for f in repaired(telemetry, parachute=deployed).findings)
+    # but not if that one has ended before
+    second = telemetry.checking[0]
+    ended = replace(telemetry, checking=(second.select(second.time < 100.0),))
+    kinds = {(f.imu, f.kind) for f in repaired(ended, parachute=deployed).findings}
+    assert kinds == {("primary", KIND), ("secondary", "dead")}
     single = replace(telemetry, checking=())
     assert repaired(single).findings == ()
     assert repaired(single, CheckSettings(enabled=False), deployed).findings == ()

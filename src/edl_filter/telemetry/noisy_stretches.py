@@ -1,4 +1,4 @@
-"""Stretches in which the readings of the only IMU have more noise than before and after them.
+"""Stretches in which the readings of an IMU have more noise than before and after them, and no other IMU reads.
 
 Input: a record in body axes. Method: what the cubic through its four neighbours does not predict of a sample is noise,
 as far as the motion is smooth. Its level is the running median of the magnitude of this difference, which single
@@ -8,12 +8,12 @@ Output: the record with the sigma of these readings in `force_fill_sigma` and `r
 readings are kept: where no other IMU has the samples, noisy ones are better than filled ones. Independent errors of the
 samples are assumed.
 
-With two IMUs nothing is done here: their difference shows the noise (`disagreement`), and the samples are those of the
-other one.
+Where another IMU reads, their difference shows the noise (`disagreement`), and the samples are those of the other one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from scipy.ndimage import median_filter
 
 from edl_filter.estimation.series import finite_rows, runs
 from edl_filter.telemetry.record import ImuRecord, SampleFinding
+from edl_filter.telemetry.resampling import covered
 from edl_filter.telemetry.sample_checks import findings_of, interpolation_error, with_repair
 from edl_filter.types import Array
 
@@ -39,7 +40,9 @@ _GAIN = float(np.sqrt(1.0 + 2.0 * (4.0**2 + 1.0) / 6.0**2))
 _TRIADS = {"force": "specific_force", "rate": "angular_rate"}
 
 
-def with_noise_of_stretches(record: ImuRecord, until: float) -> tuple[ImuRecord, list[SampleFinding]]:
+def with_noise_of_stretches(
+    record: ImuRecord, until: float, others: Sequence[ImuRecord] = ()
+) -> tuple[ImuRecord, list[SampleFinding]]:
     """A record with the sigma of the readings that have more noise than those around.
 
     Parameters
@@ -48,6 +51,8 @@ def with_noise_of_stretches(record: ImuRecord, until: float) -> tuple[ImuRecord,
         Body axes; NaN where samples are lost.
     until : float
         Time up to which the motion is smooth, s.
+    others : sequence of ImuRecord
+        Stretches of which one of these reads more than half are left as they are.
 
     Returns
     -------
@@ -56,6 +61,7 @@ def with_noise_of_stretches(record: ImuRecord, until: float) -> tuple[ImuRecord,
     findings : list of SampleFinding
     """
     findings: list[SampleFinding] = []
+    read_by_others = np.any([covered(other, record.edges) for other in others], axis=0) if others else None
     for triad, attribute in _TRIADS.items():
         values, noise = getattr(record, attribute), getattr(record, f"{triad}_noise")
         rows = np.flatnonzero(finite_rows(values))
@@ -66,6 +72,8 @@ def with_noise_of_stretches(record: ImuRecord, until: float) -> tuple[ImuRecord,
         noisy = np.zeros(len(record), bool)
         sigma = np.zeros((len(record), 3))
         for a, b in _noisy(np.linalg.norm(difference, axis=1), _LEAST * noise[rows], smooth):
+            if read_by_others is not None and np.mean(read_by_others[rows[a:b]]) > 0.5:
+                continue
             total = np.sqrt(np.mean(difference[a : min(b, smooth)] ** 2, axis=0)) / _GAIN
             sigma[rows[a:b]] = np.sqrt(np.maximum(total**2 - noise[rows[a:b], None] ** 2, 0.0))
             noisy[rows[a:b]] = True

@@ -2,11 +2,11 @@
 
 Input: `Telemetry` with NaN where samples are lost. Method: spikes and disagreements of single samples between the IMUs
 are found (`bad_triads`) and treated as lost; disagreements that last and that no constant error explains are named
-(`disagreements`), and repaired where the IMU at fault is known (`without_samples`); noise of the only IMU that is
-higher than stated for some time is added to its sigma (`noisy_stretches`); an IMU that begins after or ends before the
-other one is extended; jumps and drifts of clocks are removed. Then lost samples are filled (`sample_filling`). The
-noise of an IMU that samples much less often than the driving one contains the error of the interpolation between its
-samples.
+(`disagreements`), and repaired where the IMU at fault is known (`without_samples`); noise that is higher than stated
+for some time, where no other IMU reads, is added to the sigma (`noisy_stretches`); an IMU that begins after or ends
+before the other one is extended; jumps and drifts of clocks are removed. Then lost samples are filled
+(`sample_filling`). The noise of an IMU that samples much less often than the driving one contains the error of the
+interpolation between its samples.
 Output: `Telemetry` without NaN, and its findings. Telemetry without findings is returned as it is.
 """
 
@@ -109,9 +109,12 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         records, bad = bad_triads(records, settings, smooth_until)
         findings += bad
         findings += _disagreements(records, drifts, settings, smooth_until)
-        if len(records) == 1 and np.isfinite(smooth_until) and not any(f.kind == "coarse" for f in findings):
-            records[0], noisy = with_noise_of_stretches(records[0], smooth_until)
-            findings += noisy
+        as_checked, coarse = list(records), {f.imu for f in findings if f.kind == "coarse"}
+        for i, record in enumerate(as_checked if np.isfinite(smooth_until) else []):
+            if record.name not in coarse:
+                others = [r for k, r in enumerate(as_checked) if k != i]
+                records[i], noisy = with_noise_of_stretches(record, smooth_until, others)
+                findings += noisy
     unchanged = all(r is given for r, given in zip(records, (telemetry.driving, *telemetry.checking), strict=True))
     nothing_bad = all(f.kind in _KEPT for f in findings)
     if nothing_bad and unchanged and all(record.complete.all() for record in records):
