@@ -569,3 +569,19 @@ def test_all_samples_of_a_short_burst_of_noise_are_filled(seed, corrupted, built
     rows = np.flatnonzero(record.rate_fill_sigma.max(axis=1) > 0.0)
     assert set(range(FIRST, FIRST + 40)) <= set(rows) <= set(range(FIRST - 4, FIRST + 44))
     assert np.abs(record.angular_rate - truth).max() < 1e-3
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("phase", [0.0, 1.0, 2.5])
+def test_a_step_of_the_signal_is_no_spike(part, phase):
+    """Forces that change by a step within a sample, as where the flow changes, on an oscillation."""
+    rng = np.random.default_rng(1)
+    time = 0.05 * np.arange(400)
+    values = np.column_stack([np.sin(3.0 * time + phase + k) for k in range(3)]) + 2e-3 * rng.standard_normal((400, 3))
+    noise = np.full(400, 3e-3)
+    stepped, spike = values.copy(), values.copy()
+    stepped[200] += 0.14 * part
+    stepped[201:] += 0.14
+    spike[200, 1] += 0.14
+    assert not spikes._single_spikes(stepped, noise, 8.0).any()
+    np.testing.assert_array_equal(np.flatnonzero(spikes._single_spikes(spike, noise, 8.0)), [200])

@@ -4,7 +4,8 @@ Input: records of one or two IMUs in body axes. A shock is seen by both IMUs of 
 Method: with two IMUs, the difference between one and the other transferred to it is compared with its robust scale
 nearby; the IMU at fault is the one that leaves its own neighbours by as much, while the other one does not. With one
 IMU, and only while no parachute can shake the vehicle, a single sample that its four neighbours do not predict
-(cubic interpolation) although they predict each other; near lost samples, one that the nearest known ones do not
+(cubic interpolation) although they predict each other, and after which the signal is as before it, so that it is no
+step; near lost samples, one that the nearest known ones do not
 predict; and a burst: a few samples that jump from those before and after by several times what these vary by, and by
 more than thrusters do. Neither of the last two is tested if no parachute's time is known. Output: records with NaN in
 these samples, and the findings.
@@ -47,6 +48,8 @@ _NATURAL, _BURST_RATIO, _LEAST_BURST, _JUMP = 80.0, 5.0, {"force": 2.0, "rate": 
 #: that begins or ends leaves half of its force. On the rovers and ten other flights, with gaps of 1 to 8 samples at
 #: 18 000 places, departures of more than 15 sigmas are at most 0.28 m/s² and 0.013 rad/s.
 _NEAR, _REPETITIONS, _LEAST_SHARE = 4, 4, 0.5
+#: Part of the change before or after a sample that remains beyond it, from which on the signal has a step there.
+_STEP = 0.5
 #: Spikes in smooth motion from which an IMU has them in other motion too, and their least size there over the median
 #: of those.
 _SEVERAL, _SIMILAR = 3, 0.5
@@ -186,8 +189,27 @@ def _single_spikes(values: Array, noise: Array, sigmas: float) -> BoolArray:
         j = i - max(0, i - 8)
         without[j] -= error[i]
         remaining = np.max(np.abs(interpolation_error(without)) / scale[i], axis=1)
-        bad[i] = np.all(remaining[max(0, j - 4) : j + 5] < max(5.0, 0.05 * ratio[i]))
+        predicted = np.all(remaining[max(0, j - 4) : j + 5] < max(5.0, 0.05 * ratio[i]))
+        channel = int(np.argmax(np.abs(error[i]) / scale[i]))
+        bad[i] = predicted and not _is_step(error[max(0, i - 4) : i + 5, channel], min(i, 4))
     return bad
+
+
+def _is_step(error: Array, place: int) -> bool:
+    """Whether what the neighbours do not predict is a step of the signal at a sample, and no spike.
+
+    Parameters
+    ----------
+    error : (n,) array
+        `interpolation_error` of one channel around the sample.
+    place : int
+        Index of the sample.
+    """
+    steps = np.zeros((len(error) + 8, 3))  # the columns of a triad; the ends of an interpolation are zero
+    steps[place + 4 :, 0] = steps[place + 5 :, 1] = 1.0
+    pattern = interpolation_error(steps)[4:-4, :2]
+    (first, second), *_ = np.linalg.lstsq(pattern, error, rcond=None)
+    return bool(abs(first + second) > _STEP * max(abs(first), abs(second)))
 
 
 def _in_smooth_motion(spikes: BoolArray, values: Array, smooth: BoolArray) -> BoolArray:
