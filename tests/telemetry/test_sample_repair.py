@@ -11,6 +11,7 @@ from scipy.ndimage import median_filter
 from edl_filter.errors import InputError
 from edl_filter.mission import Mission
 from edl_filter.pipeline.load import read_telemetry
+from edl_filter.simulation import Scenario, simulate
 from edl_filter.telemetry import spikes
 from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.sample_checks import CheckSettings
@@ -585,3 +586,16 @@ def test_a_step_of_the_signal_is_no_spike(part, phase):
     spike[200, 1] += 0.14
     assert not spikes._single_spikes(stepped, noise, 8.0).any()
     np.testing.assert_array_equal(np.flatnonzero(spikes._single_spikes(spike, noise, 8.0)), [200])
+
+
+@pytest.mark.slow
+def test_a_large_spike_in_one_imu_does_not_make_the_landing_one(tmp_path):
+    """It falsified the calibration of one IMU against the other, so that both seemed to be alone in the impact."""
+    flight = simulate(Scenario.load("builtin:phoenix"), seed=114)
+    path = flight.write(tmp_path / "flight.h5")
+    with h5py.File(path, "a") as file:
+        force = file["imu/primary/specific_force"]
+        force[1382] = force[1382] + np.array([1000.0, 0.0, 0.0])
+    telemetry = read_flight_file(path)
+    out = repaired(telemetry, parachute=telemetry.events["parachute_deploy"])
+    assert [(f.imu, f.kind, f.samples) for f in out.findings if f.kind != "rest_drift"] == [("primary", "spike", 1)]

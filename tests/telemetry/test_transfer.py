@@ -70,3 +70,19 @@ def test_the_sigma_beside_a_shock_is_that_of_the_difference(side, builtin_flight
     ratio = (source.force - driving.specific_force)[rows] / source.force_scatter[rows]
     assert 0.6 < np.sqrt(np.mean(ratio**2)) < 1.25
     assert source.force_scatter[rows].min() > 0.03
+
+
+def test_a_sample_that_would_falsify_the_calibration_is_left_out_of_it(builtin_flight):
+    telemetry = read_flight_file(builtin_flight)
+    driving, checking = telemetry.driving, telemetry.checking[0]
+    force = driving.specific_force.copy()
+    force[552] += 1000.0
+    spiked = replace(driving, specific_force=force)
+    force = force.copy()
+    force[552] = np.nan
+    sound = replace(driving, specific_force=force)
+    expected = transferred(sound, checking, 250.0)
+    moved = transferred(spiked, checking, 250.0, (sound, checking))
+    np.testing.assert_array_equal(moved.force, expected.force)
+    np.testing.assert_array_equal(moved.force_error, expected.force_error)
+    assert np.nanmax(np.abs(transferred(spiked, checking, 250.0).force - expected.force)) > 0.1

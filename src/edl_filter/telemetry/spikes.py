@@ -30,7 +30,7 @@ from edl_filter.types import Array, BoolArray, IntArray
 _NEIGHBOURHOOD, _SCALE = 25, 81
 #: Samples around a difference in which the IMU that is not at fault runs smoothly.
 _SMOOTH = 5
-#: Passes: bad samples of the first one falsify the calibration of one IMU against the other.
+#: Passes: bad samples of the first one that no IMU alone shows falsify the calibration of one IMU against the other.
 _PASSES = 2
 #: Share of a difference by which the IMU at fault leaves its neighbours, and by which the other one does not.
 _AT_FAULT, _NOT_AT_FAULT = 0.6, 0.2
@@ -92,20 +92,17 @@ def _one_pass(
 ) -> tuple[list[ImuRecord], list[SampleFinding]]:
     """Records without the bad samples that one pass marks, and its findings; `as_read` is before the first pass."""
     originals, findings = list(records), []
+    alone = [{triad: _marked_alone(record, triad, settings, smooth_until) for triad in _TRIADS} for record in originals]
+    sound = [_without(record, kinds) for record, kinds in zip(originals, alone, strict=True)]
     for i, record in enumerate(originals):
-        second = next((r for k, r in enumerate(originals) if k != i and not samples_less_often(r, record)), None)
-        source = None if second is None else transferred(record, second, smooth_until)
+        others = (k for k, r in enumerate(originals) if k != i and not samples_less_often(r, record))
+        second = next(others, None)
+        source = None
+        if second is not None:
+            source = transferred(record, originals[second], smooth_until, (sound[i], sound[second]))
         for triad, attribute in _TRIADS.items():
-            values = getattr(record, attribute)
+            values, kinds = getattr(record, attribute), alone[i][triad]
             noise = record.force_noise if triad == "force" else record.rate_noise
-            single = _single_spikes(values, noise, settings.spike_sigmas)
-            kinds = {"spike": _in_smooth_motion(single, values, record.time <= smooth_until)}
-            kinds["burst"] = np.zeros(len(record), bool)
-            if np.isfinite(smooth_until):
-                rows, least = record.time <= smooth_until, _LEAST_BURST[triad]
-                near = _spikes_near_lost(values[rows], noise[rows], settings.spike_sigmas, _LEAST_SHARE * least)
-                kinds["spike"][rows] |= near
-                kinds["burst"][rows] = _bursts(values[rows], least)
             if source is not None:
                 covered = finite_rows(getattr(source, triad))
                 parted = _disagreement(values, getattr(source, triad), noise, settings.disagreement_sigmas)
@@ -122,6 +119,32 @@ def _one_pass(
                 lost: dict[str, Any] = {attribute: np.where(bad[:, None], np.nan, getattr(records[i], attribute))}
                 records[i] = replace(records[i], **lost)
     return records, findings
+
+
+def _marked_alone(record: ImuRecord, triad: str, settings: CheckSettings, smooth_until: float) -> dict[str, BoolArray]:
+    """Samples (N,) of a triad that are spikes or in bursts by the record alone."""
+    values = getattr(record, _TRIADS[triad])
+    noise = record.force_noise if triad == "force" else record.rate_noise
+    single = _single_spikes(values, noise, settings.spike_sigmas)
+    kinds = {"spike": _in_smooth_motion(single, values, record.time <= smooth_until)}
+    kinds["burst"] = np.zeros(len(record), bool)
+    if np.isfinite(smooth_until):
+        rows, least = record.time <= smooth_until, _LEAST_BURST[triad]
+        near = _spikes_near_lost(values[rows], noise[rows], settings.spike_sigmas, _LEAST_SHARE * least)
+        kinds["spike"][rows] |= near
+        kinds["burst"][rows] = _bursts(values[rows], least)
+    return kinds
+
+
+def _without(record: ImuRecord, marked: dict[str, dict[str, BoolArray]]) -> ImuRecord:
+    """The record without marked samples, which would falsify its calibration against another IMU."""
+    changed: dict[str, Any] = {}
+    for triad, kinds in marked.items():
+        bad = kinds["spike"] | kinds["burst"]
+        if bad.any():
+            values = getattr(record, _TRIADS[triad])
+            changed[_TRIADS[triad]] = np.where(bad[:, None], np.nan, values)
+    return replace(record, **changed) if changed else record
 
 
 def _joined(bad: BoolArray) -> BoolArray:

@@ -69,7 +69,9 @@ class TransferredReadings:
         return finite_rows(self.force) & finite_rows(self.rate)
 
 
-def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> TransferredReadings:
+def transferred(
+    reference: ImuRecord, source: ImuRecord, end: float, calibrated: tuple[ImuRecord, ImuRecord] | None = None
+) -> TransferredReadings:
     """Readings of `source`, as `reference` would have read them.
 
     Parameters
@@ -79,12 +81,14 @@ def transferred(reference: ImuRecord, source: ImuRecord, end: float) -> Transfer
     end : float
         End of the time over which they are calibrated against each other, s: the parachute, whose shocks are no motion
         of a rigid body.
+    calibrated : tuple of ImuRecord, optional
+        The same records without samples that would falsify the calibration.
 
     Returns
     -------
     TransferredReadings
     """
-    estimate = relative_calibration(reference, source, -np.inf, end)
+    estimate = relative_calibration(*(calibrated or (reference, source)), -np.inf, end)
 
     def combined(name: str, prior: float) -> tuple[Array, Array]:
         """Estimate and sigma of a parameter with its prior."""
