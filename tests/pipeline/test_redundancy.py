@@ -171,6 +171,16 @@ def test_measurements_that_contradict_both_imus_do_not_contradict_an_error_of_on
         assert "other measurements" not in out.telemetry.findings[0].repair
 
 
+def test_noise_across_the_parachute_is_replaced(flight):
+    """No window of the comparison contains its end: it lasts under the parachute."""
+    mission, telemetry, _, atmosphere = flight
+    changes = {RATE: noise(1e-3), FORCE: noise(0.15)}
+    wrong = FlightInputs(checked(flight, faulty(telemetry, "primary", changes, start=235.0, end=265.0)), atmosphere)
+    result = reconstruct(mission, leave_one_out=False, inputs=wrong, compare_imus=False)
+    assert {(f.imu, f.kind) for f in result.telemetry.findings if f.samples > 8} >= {("primary", "disagreement")}
+    assert not undecided(result.telemetry) and judge(result).trustworthy
+
+
 def finding(triad, start, end, kind="disagreement"):
     return SampleFinding("primary", triad, start, end, 1, kind)
 

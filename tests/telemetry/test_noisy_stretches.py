@@ -13,7 +13,7 @@ from edl_filter.telemetry.flight_file import read_flight_file
 from edl_filter.telemetry.noisy_stretches import KIND, with_noise_of_stretches
 from edl_filter.telemetry.record import ImuRecord
 from edl_filter.telemetry.sample_checks import CheckSettings
-from edl_filter.telemetry.sample_repair import repaired
+from edl_filter.telemetry.sample_repair import repaired, without_samples
 
 COUNT, INTERVAL, FORCE_NOISE, RATE_NOISE = 2000, 0.125, 3e-3, 2e-5
 UNTIL = 200.0
@@ -103,6 +103,17 @@ def test_lost_samples_within_a_stretch_and_short_records():
     assert with_noise_of_stretches(short, UNTIL) == (short, [])
 
 
+def test_samples_between_lost_ones_are_not_noise():
+    """The cubic through samples on both sides of a lost stretch predicts an oscillation badly."""
+    record = smooth_record()
+    lost = np.zeros(COUNT, bool)
+    lost[700:1100] = np.arange(400) % 8 < 4
+    swinging = record.angular_rate + 0.5 * np.outer(np.sin(2.0 * np.pi * 0.9 * record.time), [0.0, 1.0, 1.0])
+    limited = replace(record, angular_rate=np.where(lost[:, None], np.nan, swinging))
+    out, findings = with_noise_of_stretches(limited, UNTIL)
+    assert out is limited and findings == []
+
+
 def noisy_flight(builtin_flight):
     telemetry = read_flight_file(builtin_flight)
     record = telemetry.driving
@@ -130,6 +141,15 @@ def test_repair_widens_the_sigma_of_the_only_imu(builtin_flight):
     single = replace(telemetry, checking=())
     assert repaired(single).findings == ()
     assert repaired(single, CheckSettings(enabled=False), deployed).findings == ()
+
+
+def test_noise_remains_evidence_in_a_hypothesis_on_the_other_imu(builtin_flight):
+    """With the samples of the second IMU lost, the noise of the first one must not be added to its sigma."""
+    telemetry = noisy_flight(builtin_flight)
+    lost = {triad: [(110.0, 125.0)] for triad in ("force", "rate")}
+    out = without_samples(telemetry, "secondary", lost, parachute=telemetry.events["parachute_deploy"])
+    assert {(f.imu, f.kind) for f in out.findings} == {("secondary", "disagreement")}
+    assert not out.driving.filled.any()
 
 
 def test_the_rovers_and_the_practice_flight_have_none_with_one_imu(spirit, opportunity, practice_06):

@@ -64,19 +64,22 @@ def with_noise_of_stretches(
     read_by_others = np.any([covered(other, record.edges) for other in others], axis=0) if others else None
     for triad, attribute in _TRIADS.items():
         values, noise = getattr(record, attribute), getattr(record, f"{triad}_noise")
-        rows = np.flatnonzero(finite_rows(values))
+        error = interpolation_error(values)  # NaN next to lost samples
+        rows = np.flatnonzero(finite_rows(error))
         smooth = int(np.count_nonzero(record.time[rows] <= until))
         if smooth < 3 * _AROUND:
             continue
-        difference = interpolation_error(values[rows])
+        difference = error[rows]
         noisy = np.zeros(len(record), bool)
         sigma = np.zeros((len(record), 3))
         for a, b in _noisy(np.linalg.norm(difference, axis=1), _LEAST * noise[rows], smooth):
-            if read_by_others is not None and np.mean(read_by_others[rows[a:b]]) > 0.5:
+            stretch = slice(int(rows[a]), int(rows[b - 1]) + 1)
+            if read_by_others is not None and np.mean(read_by_others[stretch]) > 0.5:
                 continue
             total = np.sqrt(np.mean(difference[a : min(b, smooth)] ** 2, axis=0)) / _GAIN
-            sigma[rows[a:b]] = np.sqrt(np.maximum(total**2 - noise[rows[a:b], None] ** 2, 0.0))
-            noisy[rows[a:b]] = True
+            sigma[stretch] = np.sqrt(np.maximum(total**2 - noise[stretch, None] ** 2, 0.0))
+            noisy[stretch] = finite_rows(values[stretch])
+        sigma[~noisy] = 0.0
         if noisy.any():
             interval = float(np.median(record.interval))
             for finding in findings_of(record.name, triad, KIND, noisy, record.time, interval):

@@ -59,7 +59,12 @@ _KEPT = (REST_DRIFT, "delay")
 _JUMP_WINDOW, _JUMP_SAMPLES, _JUMP_RATIO = 20.0, 24, 0.05
 
 
-def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parachute: float = np.inf) -> Telemetry:
+def repaired(
+    telemetry: Telemetry,
+    settings: CheckSettings | None = None,
+    parachute: float = np.inf,
+    widen_noisy: bool = True,
+) -> Telemetry:
     """Telemetry with bad samples found and all lost samples filled.
 
     Parameters
@@ -70,6 +75,8 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         Thresholds of the checks.
     parachute : float
         Time of the parachute's deployment, s: from there on single samples may jump in one IMU.
+    widen_noisy : bool
+        Whether noise beyond the stated is added to the sigma where no other IMU reads (`noisy_stretches`).
 
     Returns
     -------
@@ -110,7 +117,7 @@ def repaired(telemetry: Telemetry, settings: CheckSettings | None = None, parach
         findings += bad
         findings += _disagreements(records, drifts, settings, smooth_until)
         as_checked, coarse = list(records), {f.imu for f in findings if f.kind == "coarse"}
-        for i, record in enumerate(as_checked if np.isfinite(smooth_until) else []):
+        for i, record in enumerate(as_checked if widen_noisy and np.isfinite(smooth_until) else []):
             if record.name not in coarse:
                 others = [r for k, r in enumerate(as_checked) if k != i]
                 records[i], noisy = with_noise_of_stretches(record, smooth_until, others)
@@ -230,7 +237,8 @@ def without_samples(
             record = replace(record, **changed)
         records.append(record)
     single = replace(original, driving=records[0], checking=tuple(records[1:]), findings=tuple(findings))
-    return replace(repaired(single, settings, parachute), as_read=original)
+    # noise of the IMU that remains is evidence against the hypothesis that the other one is at fault
+    return replace(repaired(single, settings, parachute, widen_noisy=False), as_read=original)
 
 
 def _as_read(telemetry: Telemetry) -> Telemetry:
