@@ -3,12 +3,11 @@
 Input: records of one or two IMUs in body axes. A shock is seen by both IMUs of a rigid vehicle; a bad sample by one.
 Method: with two IMUs, the difference between one and the other transferred to it is compared with its robust scale
 nearby; the IMU at fault is the one that leaves its own neighbours by as much, while the other one does not. With one
-IMU, and only while no parachute can shake the vehicle, a single sample that its four neighbours do not predict
-(cubic interpolation) although they predict each other, and after which the signal is as before it, so that it is no
-step; near lost samples, one that the nearest known ones do not
-predict; and a burst: a few samples that jump from those before and after by several times what these vary by, and by
-more than thrusters do. Neither of the last two is tested if no parachute's time is known. Output: records with NaN in
-these samples, and the findings.
+IMU, and only while no parachute can shake the vehicle, a single sample that its four neighbours do not predict (cubic
+interpolation) although they predict each other, and after which the signal is as before it, so that it is no step; near
+lost samples, one that the nearest known ones do not predict; and a burst: a few samples that jump from those before and
+after by several times what these vary by, and by more than thrusters do. Neither of the last two is tested if no
+parachute's time is known. Output: records with NaN in these samples, and the findings.
 """
 
 from __future__ import annotations
@@ -48,7 +47,8 @@ _NATURAL, _BURST_RATIO, _LEAST_BURST, _JUMP = 80.0, 5.0, {"force": 2.0, "rate": 
 #: that begins or ends leaves half of its force. On the rovers and ten other flights, with gaps of 1 to 8 samples at
 #: 18 000 places, departures of more than 15 sigmas are at most 0.28 m/s² and 0.013 rad/s.
 _NEAR, _REPETITIONS, _LEAST_SHARE = 4, 4, 0.5
-#: Part of the change before or after a sample that remains beyond it, from which on the signal has a step there.
+#: Change of the signal across a sample, over the larger one of the changes before and after it, from which on the
+#: sample is in a step and no spike.
 _STEP = 0.5
 #: Spikes in smooth motion from which an IMU has them in other motion too, and their least size there over the median
 #: of those.
